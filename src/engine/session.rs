@@ -1,0 +1,1 @@
+//! Sessions: the inputs of a remeshing job, their revisions and immutable snapshots.

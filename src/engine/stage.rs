@@ -1,0 +1,1 @@
+//! The stage cache: content keys, a budget in bytes, one computation per key.
