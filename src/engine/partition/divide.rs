@@ -52,21 +52,26 @@ impl<'a> Divider<'a> {
 
     /// Divides a connected set of faces as far as needed; every part gets a label of its own. Stops only at valid parts.
     pub(super) fn divide(&mut self, faces: Vec<u32>, work: &Work<'_>) -> Result<()> {
-        let mut stack = vec![faces];
-        while let Some(part) = stack.pop() {
+        let parts = self.parts_for(faces.len(), FILL);
+        let mut stack = vec![(faces, parts)];
+        while let Some((part, parts)) = stack.pop() {
             work.check()?;
-            let parts = (part.len() as f64 / (FILL * self.planned_faces)).ceil().max(1.0);
-            // A few faces more than planned do not ask for a cut.
-            let parts = if part.len() as f64 <= self.planned_faces { 1.0 } else { parts };
             let p = self.name(&part);
+            let parts = parts.max(self.parts_for(part.len(), 1.0));
             if parts < 1.5 && measure(self.surface, &self.label, &part, p, &mut self.scratch).is_valid(&self.limits) {
                 continue;
             }
             let (a, b) = self.halve(&part, parts, work)?;
-            stack.push(b);
-            stack.push(a);
+            let first = first_parts(parts);
+            stack.push((b, (parts - first).max(1.0)));
+            stack.push((a, first));
         }
         Ok(())
+    }
+
+    /// Parts that so many faces need, each filled to at most `fill` of the plan. A set that fits as it is needs one.
+    fn parts_for(&self, faces: usize, fill: f64) -> f64 {
+        if faces as f64 <= self.planned_faces { 1.0 } else { (faces as f64 / (fill * self.planned_faces)).ceil() }
     }
 
     /// Cuts a connected set of at least two faces in two connected sets, aiming at `parts` parts of equal size in the end.
@@ -81,7 +86,7 @@ impl<'a> Divider<'a> {
     }
 
     fn counted_share(&self, total: f64, parts: f64) -> Share {
-        let first = (parts / 2.0).floor().max(1.0);
+        let first = first_parts(parts);
         let second = parts - first;
         let aim = total * first / parts;
         let room = if parts < 2.5 { 1.0 } else { ROOM };
@@ -160,6 +165,11 @@ impl<'a> Divider<'a> {
         }
         component
     }
+}
+
+/// Of `parts` parts, those on the first side.
+fn first_parts(parts: f64) -> f64 {
+    (parts / 2.0).floor().max(1.0)
 }
 
 fn shape_share(total: u64) -> Share {

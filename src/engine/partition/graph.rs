@@ -51,7 +51,6 @@ const LENGTH_UNITS: f64 = 256.0;
 /// The dual graph of `faces` (node i is `faces[i]`): edges that are not features, weighted by length. `slot` is scratch of one entry
 /// per face of the surface; any content. O(`faces`).
 pub(super) fn dual_graph(surface: &Surface<'_>, faces: &[u32], balance: Balance, slot: &mut [u32]) -> Graph {
-    let topology = surface.topology;
     for (i, &f) in faces.iter().enumerate() {
         slot[f as usize] = i as u32;
     }
