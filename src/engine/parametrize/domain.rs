@@ -1,8 +1,9 @@
-//! What the maps are computed on: the patch in normalised coordinates, its holes closed by virtual caps (P1 section 8).
+//! What the maps are computed on: the patch in normalised coordinates, its holes open or closed by virtual caps.
 //!
-//! Every boundary loop but the longest gets one more vertex, at its centroid, and the fan of triangles to it. So every domain is a
-//! disc: an annulus has no second conformal map (z and 1/z) to be confused with the first, inner loops cannot run across one
-//! another, and the convex combination theorem holds. The caps never leave this module's callers.
+//! A cap is one more vertex at the centroid of a loop and the fan of triangles to it (P1 section 8 fills holes, too). It makes
+//! every patch a disc: an annulus has no second conformal map (z and 1/z) to be confused with the first, inner loops cannot run
+//! across one another, and the convex combination theorem holds. Where a loop is no hole in a wall but a cut far from any plane,
+//! a cap distorts the map for nothing, and the open patch does better. The caps never leave the callers of this module.
 
 use crate::error::{EngineError, Result};
 use crate::patch::Patch;
@@ -78,7 +79,16 @@ impl Flat {
     }
 }
 
-/// A patch closed up to a disc, in coordinates of order 1.
+/// What becomes of the loops of a patch besides the longest.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Holes {
+    /// They stay natural boundaries.
+    Open,
+    /// They are closed by caps.
+    Capped,
+}
+
+/// A patch in coordinates of order 1, perhaps closed up to a disc.
 #[derive(Debug)]
 pub(super) struct Domain<'a> {
     /// The patch.
@@ -92,18 +102,19 @@ pub(super) struct Domain<'a> {
 }
 
 impl<'a> Domain<'a> {
-    /// Normalises and closes a patch. O(size of the patch).
+    /// Normalises a patch and closes its holes if wanted. O(size of the patch).
     ///
     /// # Errors
     /// A patch without faces or boundary, or with indices out of range (broken invariants).
-    pub(super) fn new(patch: &'a Patch) -> Result<Self> {
+    pub(super) fn new(patch: &'a Patch, holes: Holes) -> Result<Self> {
         check_patch(patch)?;
         let (low, high) = bounds(&patch.positions).ok_or_else(|| EngineError::invariant("a patch without vertices"))?;
         let unit = power_of_two_near(distance(low, high));
         let centre = scale(add(low, high), 0.5);
         let mut positions: Vec<Vec3> = patch.positions.iter().map(|&p| scale(sub(p, centre), 1.0 / unit)).collect();
         let mut caps = Vec::new();
-        for ring in &patch.loops[1..] {
+        let closed = if holes == Holes::Capped { &patch.loops[1..] } else { &[] };
+        for ring in closed {
             let middle = positions.len() as u32;
             let sum = ring.iter().fold([0.0; 3], |s, &v| add(s, positions[v as usize]));
             positions.push(scale(sum, 1.0 / ring.len() as f64));
