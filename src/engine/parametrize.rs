@@ -4,6 +4,7 @@
 mod assembly;
 mod conformal;
 mod domain;
+mod ears;
 mod mean_value;
 mod mend;
 mod place;
@@ -15,7 +16,7 @@ use crate::patch::Patch;
 use crate::vector::{Vec2, distance};
 use crate::work::Work;
 use conformal::{Conformal, as_points};
-use domain::{Domain, Holes};
+use domain::{Domain, Filling};
 use place::{FaceShapes, chart_areas, distortion, place};
 use validity::{boundary_overlaps, scale_variation};
 
@@ -133,14 +134,14 @@ impl ConformalFactor {
 /// [`Reason::SolverSingular`] if a pivot is not positive or the residual check fails (the chart stage then falls back to mean
 /// value); [`Reason::LimitReached`] if the factor does not fit into memory; cancellation; broken invariants of the patch.
 pub fn factor_conformal(patch: &Patch, work: &Work<'_>) -> Result<ConformalFactor> {
-    Ok(ConformalFactor { conformal: Conformal::new(&Domain::new(patch, Holes::Open)?, work)? })
+    Ok(ConformalFactor { conformal: Conformal::new(&Domain::new(patch, Filling::Open)?, work)? })
 }
 
 /// Computes and checks the chart of a patch. `factor` is `Err` if the factorization failed.
 ///
 /// Signs are exact, so a chart that is returned is one-to-one. Few flipped faces are mended first (P1 section 5). A patch with
-/// several loops is mapped with free inner loops first, then with its holes closed virtually (P1 section 8), which costs another
-/// factorization. A chart whose length scale varies by more than [`MAX_SCALE_VARIATION`] is not taken; if nothing else is wrong
+/// several loops is mapped with free inner loops first, then with its holes closed virtually (P1 section 8), and a boundary that
+/// runs into itself is held open by virtual triangles over its notches; each costs another factorization. A chart whose length scale varies by more than [`MAX_SCALE_VARIATION`] is not taken; if nothing else is wrong
 /// with it the outcome is [`ChartOutcome::MustSplit`], also for an explicit method: the pieces can have it.
 ///
 /// # Errors
@@ -192,8 +193,8 @@ pub fn parametrize_patch(
 /// A map to try.
 #[derive(Debug, Clone, Copy)]
 enum Candidate {
-    Spectral(Holes),
-    Pinned(Holes, u32, u32),
+    Spectral(Filling),
+    Pinned(Filling, u32, u32),
     MeanValue,
 }
 
@@ -208,19 +209,22 @@ impl Candidate {
 }
 
 /// The maps to try, in the order of P1 figure 23. LSCM has two choices of pins (P1 section 5): the boundary vertices farthest
-/// apart, and a vertex with the one half around the boundary from it.
+/// apart, and a vertex with the one half around the boundary from it. Each map is tried on the bare patch first, then with
+/// virtual triangles; every filling costs one more factorization.
 fn candidates(domain: &Domain<'_>, spec: ChartSpec) -> Vec<Candidate> {
-    let ring = domain.outer();
+    let ring = &domain.outer;
     let (p, q) = farthest_pair(domain, ring);
     let opposite = (p + half_way(domain, p)) % ring.len();
-    let holes = if domain.patch.loops.len() > 1 { &[Holes::Open, Holes::Capped][..] } else { &[Holes::Open] };
-    let mut all: Vec<Candidate> = holes.iter().map(|&h| Candidate::Spectral(h)).collect();
-    for &h in holes {
-        all.push(Candidate::Pinned(h, ring[p], ring[q]));
-        if opposite != q && opposite != p {
-            all.push(Candidate::Pinned(h, ring[p], ring[opposite]));
-        }
+    let fillings = match domain.patch.loops.len() {
+        1 => &[Filling::Open, Filling::Ears][..],
+        _ => &[Filling::Open, Filling::Caps, Filling::Ears, Filling::CapsAndEars],
+    };
+    let mut all: Vec<Candidate> = fillings.iter().map(|&f| Candidate::Spectral(f)).collect();
+    all.push(Candidate::Pinned(Filling::Open, ring[p], ring[q]));
+    if opposite != q && opposite != p {
+        all.push(Candidate::Pinned(Filling::Open, ring[p], ring[opposite]));
     }
+    all.extend(fillings[1..].iter().map(|&f| Candidate::Pinned(f, ring[p], ring[q])));
     all.push(Candidate::MeanValue);
     match spec {
         ChartSpec::Automatic => all,
@@ -228,40 +232,46 @@ fn candidates(domain: &Domain<'_>, spec: ChartSpec) -> Vec<Candidate> {
     }
 }
 
-/// The domains of a patch and the operators on them; those with caps are made when they are needed.
+/// The operators on a patch; those with virtual triangles are made when they are needed.
 struct Maps<'a> {
     open: Domain<'a>,
     factor: std::result::Result<&'a Conformal, &'a EngineError>,
-    capped: Option<Result<Conformal>>,
+    filled: Vec<(Filling, Result<Conformal>)>,
 }
 
 impl<'a> Maps<'a> {
     fn new(patch: &'a Patch, factor: std::result::Result<&'a ConformalFactor, &'a EngineError>) -> Result<Self> {
-        let open = Domain::new(patch, Holes::Open)?;
+        let open = Domain::new(patch, Filling::Open)?;
         let factor = factor.map(|f| &f.conformal);
         if factor.is_ok_and(|c| c.size() != open.size()) {
             return Err(EngineError::invariant("the factor belongs to another patch"));
         }
-        Ok(Maps { open, factor, capped: None })
+        Ok(Maps { open, factor, filled: Vec::new() })
     }
 
     fn compute(&mut self, candidate: Candidate, work: &Work<'_>) -> Result<Vec<Vec2>> {
         let patch = self.open.patch;
         let count = patch.positions.len();
         match candidate {
-            Candidate::Spectral(holes) => Ok(as_points(&self.conformal(holes, work)?.spectral(work)?.0, count)),
-            Candidate::Pinned(holes, p, q) => Ok(as_points(&self.conformal(holes, work)?.pinned(p, q, work)?, count)),
-            Candidate::MeanValue => mean_value::mean_value(&Domain::new(patch, Holes::Capped)?, work),
+            Candidate::Spectral(filling) => Ok(as_points(&self.conformal(filling, work)?.spectral(work)?.0, count)),
+            Candidate::Pinned(filling, p, q) => Ok(as_points(&self.conformal(filling, work)?.pinned(p, q, work)?, count)),
+            Candidate::MeanValue => mean_value::mean_value(&Domain::new(patch, Filling::Caps)?, work),
         }
     }
 
-    fn conformal(&mut self, holes: Holes, work: &Work<'_>) -> Result<&Conformal> {
-        if holes == Holes::Open {
+    fn conformal(&mut self, filling: Filling, work: &Work<'_>) -> Result<&Conformal> {
+        if filling == Filling::Open {
             return self.factor.map_err(Clone::clone);
         }
-        let patch = self.open.patch;
-        let made = self.capped.get_or_insert_with(|| Conformal::new(&Domain::new(patch, Holes::Capped)?, work));
-        made.as_ref().map_err(|e| e.clone())
+        let at = match self.filled.iter().position(|f| f.0 == filling) {
+            Some(at) => at,
+            None => {
+                let made = Domain::new(self.open.patch, filling).and_then(|domain| Conformal::new(&domain, work));
+                self.filled.push((filling, made));
+                self.filled.len() - 1
+            }
+        };
+        self.filled[at].1.as_ref().map_err(Clone::clone)
     }
 }
 
