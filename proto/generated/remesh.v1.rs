@@ -48,8 +48,8 @@ pub struct GeometryLocations {
 /// What one stage did in a call.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct StageRecord {
-    /// The stage: for example `import`, `topology`, `features`, `partition`, `factor`, `chart`, `size`, `curve`, `planar`,
-    /// `assembly`, `optimize`, `quality`. More may come.
+    /// The stage: `import`, `topology`, `search_tree`, `features`, `partition`, `patches`, `factor`, `chart`, `size`, `curve`,
+    /// `planar`, `lift`, `assembly`, `optimize`, `quality`. More may come.
     #[prost(string, tag = "1")]
     pub stage: ::prost::alloc::string::String,
     /// What it worked on: empty for the whole surface, else for example `patch 3` or `curve 17`.
@@ -58,7 +58,7 @@ pub struct StageRecord {
     /// Whether it ran or its output was cached.
     #[prost(enumeration = "StageOutcome", tag = "3")]
     pub outcome: i32,
-    /// Time it took in this call.
+    /// Wall time it took in this call, waiting for others who compute the same included.
     #[prost(double, tag = "4")]
     pub milliseconds: f64,
     /// Size of its output in memory.
@@ -81,7 +81,7 @@ pub struct RunSummary {
     #[prost(double, tag = "4")]
     pub milliseconds: f64,
 }
-/// How far a call is. Sent a few times a second at most; a client may ignore it.
+/// How far a call is. Advisory: a client may ignore it, and some are left out when the client reads slowly.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct Progress {
     /// Stage that moved on.
@@ -1228,7 +1228,7 @@ pub struct ParametrizePatchesRequest {
     /// ABORTED if the session is at another revision. Not set: whichever is current.
     #[prost(uint64, optional, tag = "2")]
     pub expected_revision: ::core::option::Option<u64>,
-    /// Numbers of the patches. Empty: all.
+    /// Numbers of the patches whose charts are wanted in the answer. Empty: all.
     #[prost(uint32, repeated, tag = "3")]
     pub patches: ::prost::alloc::vec::Vec<u32>,
 }
@@ -1241,6 +1241,12 @@ pub struct ParametrizeResult {
     /// What ran.
     #[prost(message, optional, tag = "2")]
     pub summary: ::core::option::Option<RunSummary>,
+    /// How many patches there are.
+    #[prost(uint32, tag = "3")]
+    pub patches: u32,
+    /// How many splits of patches it took until all had a chart.
+    #[prost(uint32, tag = "4")]
+    pub splits: u32,
 }
 /// Response of ParametrizePatches: progress, then the result.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -1402,8 +1408,9 @@ pub mod chart_service_client {
             self.inner = self.inner.max_encoding_message_size(limit);
             self
         }
-        /// Computes the charts of all or of the listed patches. Streams progress, then the result. A patch without a bijective chart is
-        /// split and its parts are mapped, so there may be more charts than patches of the first partition.
+        /// Maps all patches to the plane. Streams progress, then the charts of all or of the listed patches. A patch without a bijective
+        /// chart is split and its parts are mapped, so there may be more charts, with other numbers, than PartitionSurface told patches;
+        /// the numbers in this answer are those that all other methods use.
         pub async fn parametrize_patches(
             &mut self,
             request: impl tonic::IntoRequest<super::ParametrizePatchesRequest>,
@@ -1477,8 +1484,9 @@ pub mod chart_service_server {
             >
             + std::marker::Send
             + 'static;
-        /// Computes the charts of all or of the listed patches. Streams progress, then the result. A patch without a bijective chart is
-        /// split and its parts are mapped, so there may be more charts than patches of the first partition.
+        /// Maps all patches to the plane. Streams progress, then the charts of all or of the listed patches. A patch without a bijective
+        /// chart is split and its parts are mapped, so there may be more charts, with other numbers, than PartitionSurface told patches;
+        /// the numbers in this answer are those that all other methods use.
         async fn parametrize_patches(
             &self,
             request: tonic::Request<super::ParametrizePatchesRequest>,
@@ -2229,7 +2237,7 @@ pub struct Session {
     /// What the creator called it; for people.
     #[prost(string, tag = "6")]
     pub display_name: ::prost::alloc::string::String,
-    /// The imported mesh; not set before an import.
+    /// The imported mesh; not set before an import, and while it is not in the cache.
     #[prost(message, optional, tag = "7")]
     pub mesh: ::core::option::Option<MeshSummary>,
     /// The other inputs at the current revision.
@@ -2305,7 +2313,7 @@ pub struct ListSessionsRequest {
 /// Response of ListSessions.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct ListSessionsResponse {
-    /// The sessions, in order of their names; without `mesh` and `inputs`.
+    /// The sessions, in order of their creation; without `mesh` and `inputs`.
     #[prost(message, repeated, tag = "1")]
     pub sessions: ::prost::alloc::vec::Vec<Session>,
     /// Token of the next page; empty on the last.
@@ -2520,7 +2528,7 @@ pub mod session_service_client {
                 .insert(GrpcMethod::new("remesh.v1.SessionService", "CreateSession"));
             self.inner.unary(req, path, codec).await
         }
-        /// Tells the state of a session. Does not prolong its life.
+        /// Tells the state of a session. Counts as a use.
         pub async fn get_session(
             &mut self,
             request: impl tonic::IntoRequest<super::GetSessionRequest>,
@@ -2545,7 +2553,7 @@ pub mod session_service_client {
                 .insert(GrpcMethod::new("remesh.v1.SessionService", "GetSession"));
             self.inner.unary(req, path, codec).await
         }
-        /// Lists sessions by name.
+        /// Lists sessions, the oldest first.
         pub async fn list_sessions(
             &mut self,
             request: impl tonic::IntoRequest<super::ListSessionsRequest>,
@@ -2669,7 +2677,7 @@ pub mod session_service_server {
             tonic::Response<super::CreateSessionResponse>,
             tonic::Status,
         >;
-        /// Tells the state of a session. Does not prolong its life.
+        /// Tells the state of a session. Counts as a use.
         async fn get_session(
             &self,
             request: tonic::Request<super::GetSessionRequest>,
@@ -2677,7 +2685,7 @@ pub mod session_service_server {
             tonic::Response<super::GetSessionResponse>,
             tonic::Status,
         >;
-        /// Lists sessions by name.
+        /// Lists sessions, the oldest first.
         async fn list_sessions(
             &self,
             request: tonic::Request<super::ListSessionsRequest>,
@@ -4308,7 +4316,7 @@ pub struct ReadPatchDataRequest {
     /// ABORTED if the session is at another revision. Not set: whichever is current.
     #[prost(uint64, optional, tag = "2")]
     pub expected_revision: ::core::option::Option<u64>,
-    /// Number of the patch.
+    /// Number of the patch, as in ParametrizePatches; computes the charts if needed, since they may split patches.
     #[prost(uint32, tag = "3")]
     pub patch: u32,
     /// The columns wanted, among POSITIONS, TRIANGLES (local), SOURCE_VERTEX and SOURCE_FACE. Empty: all of them.
@@ -4764,12 +4772,12 @@ pub struct RemeshSurfaceRequest {
     /// ABORTED if the session is at another revision. Not set: whichever is current.
     #[prost(uint64, optional, tag = "2")]
     pub expected_revision: ::core::option::Option<u64>,
-    /// Numbers of the patches to mesh. Empty: the whole surface, joined and optimised. Otherwise only these patches are meshed (they
-    /// stay cached and conform with their neighbours), and nothing is joined.
+    /// Numbers of the patches to mesh, as in ParametrizePatches. Empty: the whole surface, joined and optimised. Otherwise only these
+    /// patches are meshed (they stay cached and conform with their neighbours), and nothing is joined.
     #[prost(uint32, repeated, tag = "3")]
     pub patches: ::prost::alloc::vec::Vec<u32>,
 }
-/// A finished patch mesh.
+/// The mesh of a patch.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct PatchMeshSummary {
     /// Number of the patch.
@@ -4788,7 +4796,7 @@ pub struct RemeshResult {
     /// The result; not set if patches were listed.
     #[prost(message, optional, tag = "1")]
     pub mesh: ::core::option::Option<MeshSummary>,
-    /// The meshes of the patches, by number, before optimisation.
+    /// The patches, in the order asked for or by number: the listed ones as they were meshed, otherwise those of the result.
     #[prost(message, repeated, tag = "2")]
     pub patches: ::prost::alloc::vec::Vec<PatchMeshSummary>,
     /// Quality of the elements of the result; not set if patches were listed.
@@ -4820,7 +4828,7 @@ pub mod remesh_surface_response {
     }
 }
 /// A stage of a plan.
-#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+#[derive(Clone, PartialEq, ::prost::Message)]
 pub struct PlannedStage {
     /// The stage, as in `StageRecord`.
     #[prost(string, tag = "1")]
@@ -4828,9 +4836,15 @@ pub struct PlannedStage {
     /// What it works on.
     #[prost(string, tag = "2")]
     pub subject: ::prost::alloc::string::String,
-    /// What would happen.
-    #[prost(enumeration = "PlannedOutcome", tag = "3")]
+    /// HIT if its output is cached, RUN if it would be computed.
+    #[prost(enumeration = "StageOutcome", tag = "3")]
     pub outcome: i32,
+    /// For RUN the mean of what this stage took before, 0 if it never ran; for HIT 0.
+    #[prost(double, tag = "4")]
+    pub estimated_milliseconds: f64,
+    /// For HIT the size of its output in memory.
+    #[prost(uint64, tag = "5")]
+    pub bytes: u64,
 }
 /// Request of PlanRemesh.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
@@ -4848,15 +4862,19 @@ pub struct PlanRemeshResponse {
     /// The revision.
     #[prost(uint64, tag = "1")]
     pub revision: u64,
-    /// The stages, in the order of the pipeline, as far as they are known.
+    /// The stages, in the order of the pipeline, as far as they are known: patches and curves of a partition that is not cached
+    /// cannot be listed.
     #[prost(message, repeated, tag = "2")]
     pub stages: ::prost::alloc::vec::Vec<PlannedStage>,
     /// How many are cached.
     #[prost(uint32, tag = "3")]
-    pub cached: u32,
+    pub hits: u32,
     /// How many would run.
     #[prost(uint32, tag = "4")]
     pub runs: u32,
+    /// Sum of the estimates.
+    #[prost(double, tag = "5")]
+    pub estimated_milliseconds: f64,
 }
 /// Request of RemeshMesh.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -4932,43 +4950,6 @@ pub struct RemeshMeshResponse {
     /// What ran.
     #[prost(message, optional, tag = "6")]
     pub summary: ::core::option::Option<RunSummary>,
-}
-/// What would happen to a stage.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
-#[repr(i32)]
-pub enum PlannedOutcome {
-    /// Never sent.
-    Unspecified = 0,
-    /// Its output is cached.
-    Cached = 1,
-    /// It would run.
-    Run = 2,
-    /// Not known before the stages above have run: its input may turn out to be cached.
-    Unknown = 3,
-}
-impl PlannedOutcome {
-    /// String value of the enum field names used in the ProtoBuf definition.
-    ///
-    /// The values are not transformed in any way and thus are considered stable
-    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
-    pub fn as_str_name(&self) -> &'static str {
-        match self {
-            Self::Unspecified => "PLANNED_OUTCOME_UNSPECIFIED",
-            Self::Cached => "PLANNED_OUTCOME_CACHED",
-            Self::Run => "PLANNED_OUTCOME_RUN",
-            Self::Unknown => "PLANNED_OUTCOME_UNKNOWN",
-        }
-    }
-    /// Creates an enum from field names used in the ProtoBuf definition.
-    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
-        match value {
-            "PLANNED_OUTCOME_UNSPECIFIED" => Some(Self::Unspecified),
-            "PLANNED_OUTCOME_CACHED" => Some(Self::Cached),
-            "PLANNED_OUTCOME_RUN" => Some(Self::Run),
-            "PLANNED_OUTCOME_UNKNOWN" => Some(Self::Unknown),
-            _ => None,
-        }
-    }
 }
 /// Generated client implementations.
 pub mod remesh_service_client {
