@@ -12,7 +12,7 @@ use crate::engine::Engine;
 use crate::error::{EngineError, Reason, Result};
 use crate::features::{Features, detect_features};
 use crate::fingerprint::{Contents, Feeder, Fingerprint};
-use crate::import::{Imported, import_arrays, import_mesh};
+use crate::import::{ImportOptions, Imported, import_arrays, import_mesh};
 use crate::mesh::SurfaceMesh;
 use crate::optimize::{Remeshed, optimize_surface};
 use crate::parametrize::{Chart, ChartOutcome, ConformalFactor, factor_conformal, parametrize_patch};
@@ -208,6 +208,34 @@ pub fn quality(
     })
 }
 
+/// Measures any mesh against any other, as [`quality`] does for results: for meshes that other tools made. Both are imported with
+/// the same repairs as every surface; `size` is the wanted edge length for tau.
+///
+/// # Errors
+/// Those of [`import_mesh`] and [`measure_quality`].
+pub fn compare(
+    engine: &Engine,
+    input: (&MeshSource, &ImportOptions),
+    output: (&MeshSource, &ImportOptions),
+    size: Option<f64>,
+    scope: QualityScope,
+    run: &Run<'_>,
+) -> Result<Answer<Stored<QualityReport>>> {
+    if size.is_some_and(|size| !(size > 0.0 && size.is_finite())) {
+        return Err(EngineError::bad_parameter("size", "the wanted edge length must be positive and finite"));
+    }
+    Context::execute(engine, run, |context| {
+        let before = import_source_step(context, input.0, input.1)?;
+        let after = import_source_step(context, output.0, output.1)?;
+        let tree = search_tree_step(context, &before)?;
+        let key = StageKey::new(Stage::Quality, |f| {
+            f.text("compare").fingerprint(before.output).fingerprint(after.output).option_f64(size).u64(scope as u64);
+        });
+        let target = size.map(TargetSize::Uniform);
+        context.stage(key, Subject::Surface, |work| measure_quality(&before.mesh, &tree.tree, &after.mesh, target.as_ref(), scope, work))
+    })
+}
+
 /// What a request for the finished mesh would find in the cache and what it would run. Computes nothing.
 /// Where a stage will run, the stages below it that work on the whole surface are listed as running too; patches and curves
 /// of a partition that is not known yet cannot be listed.
@@ -222,11 +250,14 @@ fn import_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Stored<Import
     let source = snapshot.source.as_ref().ok_or_else(|| {
         EngineError::new(Reason::NoMesh, "the session holds no mesh").with_hint("import a file, arrays or a sample first")
     })?;
+    import_source_step(context, source, &snapshot.import)
+}
+
+fn import_source_step(context: &Context<'_>, source: &MeshSource, options: &ImportOptions) -> Step<Stored<Imported>> {
     let key = StageKey::new(Stage::Import, |f| {
         source.feed(f);
-        f.text(&format!("{:?}", snapshot.import));
+        f.text(&format!("{options:?}"));
     });
-    let options = &snapshot.import;
     context.stage(key, Subject::Surface, |work| match source {
         MeshSource::File(blob) => import_mesh(&blob.bytes, options, work),
         MeshSource::Arrays { mesh, .. } => import_arrays(SurfaceMesh::clone(mesh), options, work),
@@ -498,7 +529,7 @@ fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Remesh> {
     };
     let sizes = size_step(context, snapshot, &charts).map_err(below)?;
     let all: Vec<u32> = (0..charts.charts.len() as u32).collect();
-    let tree = search_tree_step(context, &charts.surface);
+    let tree = search_tree_step(context, &charts.surface.imported);
     let meshes = lifted_step(context, snapshot, &charts, &sizes, &all).map_err(below)?;
     let tree = tree.map_err(below)?;
     let assembled = assembly_step(context, &charts, &meshes).map_err(below)?;
@@ -556,18 +587,18 @@ impl Contents for SearchTree {
     }
 }
 
-fn search_tree_step(context: &Context<'_>, surface: &Surface) -> Step<Stored<SearchTree>> {
+fn search_tree_step(context: &Context<'_>, imported: &Stored<Imported>) -> Step<Stored<SearchTree>> {
     let key = StageKey::new(Stage::SearchTree, |f| {
-        f.fingerprint(surface.imported.output);
+        f.fingerprint(imported.output);
     });
-    let mesh = &surface.imported.mesh;
-    let of = surface.imported.output;
+    let mesh = &imported.mesh;
+    let of = imported.output;
     context.stage(key, Subject::Surface, |_| Ok(SearchTree { tree: TriangleBvh::build(&mesh.positions, &mesh.triangles), of }))
 }
 
 fn quality_step(context: &Context<'_>, remesh: &Remesh, scope: QualityScope) -> Step<Stored<QualityReport>> {
     let surface = &remesh.charts.surface;
-    let tree = search_tree_step(context, surface)?;
+    let tree = search_tree_step(context, &surface.imported)?;
     let key = StageKey::new(Stage::Quality, |f| {
         f.fingerprint(surface.imported.output).fingerprint(remesh.result.output).fingerprint(remesh.sizes.output).u64(scope as u64);
     });
