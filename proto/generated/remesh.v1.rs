@@ -48,8 +48,8 @@ pub struct GeometryLocations {
 /// What one stage did in a call.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct StageRecord {
-    /// The stage: for example `import`, `topology`, `features`, `partition`, `factor`, `chart`, `size`, `curve`, `planar`,
-    /// `assembly`, `optimize`, `quality`. More may come.
+    /// The stage: `import`, `topology`, `search_tree`, `features`, `partition`, `patches`, `factor`, `chart`, `size`, `curve`,
+    /// `planar`, `lift`, `assembly`, `optimize`, `quality`. More may come.
     #[prost(string, tag = "1")]
     pub stage: ::prost::alloc::string::String,
     /// What it worked on: empty for the whole surface, else for example `patch 3` or `curve 17`.
@@ -58,7 +58,7 @@ pub struct StageRecord {
     /// Whether it ran or its output was cached.
     #[prost(enumeration = "StageOutcome", tag = "3")]
     pub outcome: i32,
-    /// Time it took in this call.
+    /// Wall time it took in this call, waiting for others who compute the same included.
     #[prost(double, tag = "4")]
     pub milliseconds: f64,
     /// Size of its output in memory.
@@ -81,7 +81,7 @@ pub struct RunSummary {
     #[prost(double, tag = "4")]
     pub milliseconds: f64,
 }
-/// How far a call is. Sent a few times a second at most; a client may ignore it.
+/// How far a call is. Advisory: a client may ignore it, and some are left out when the client reads slowly.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct Progress {
     /// Stage that moved on.
@@ -99,6 +99,31 @@ pub struct Progress {
     /// Done share of the whole call, 0 to 1, an estimate; never decreases.
     #[prost(double, tag = "5")]
     pub total_fraction: f64,
+}
+/// Topological numbers of a mesh, which need not be manifold.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct TopologyNumbers {
+    /// V - E + F.
+    #[prost(int64, tag = "1")]
+    pub euler: i64,
+    /// Connected components.
+    #[prost(uint32, tag = "2")]
+    pub components: u32,
+    /// Boundary loops.
+    #[prost(uint32, tag = "3")]
+    pub boundary_loops: u32,
+    /// Handles; not set if not manifold and orientable.
+    #[prost(uint32, optional, tag = "4")]
+    pub genus: ::core::option::Option<u32>,
+    /// Edges with more than two faces.
+    #[prost(uint32, tag = "5")]
+    pub non_manifold_edges: u32,
+    /// Vertices with more than one fan.
+    #[prost(uint32, tag = "6")]
+    pub non_manifold_vertices: u32,
+    /// Edges along which both faces run the same way.
+    #[prost(uint32, tag = "7")]
+    pub inconsistent_edges: u32,
 }
 /// An array of packed little-endian numbers, in the message or uploaded before.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
@@ -1228,7 +1253,7 @@ pub struct ParametrizePatchesRequest {
     /// ABORTED if the session is at another revision. Not set: whichever is current.
     #[prost(uint64, optional, tag = "2")]
     pub expected_revision: ::core::option::Option<u64>,
-    /// Numbers of the patches. Empty: all.
+    /// Numbers of the patches whose charts are wanted in the answer. Empty: all.
     #[prost(uint32, repeated, tag = "3")]
     pub patches: ::prost::alloc::vec::Vec<u32>,
 }
@@ -1241,6 +1266,12 @@ pub struct ParametrizeResult {
     /// What ran.
     #[prost(message, optional, tag = "2")]
     pub summary: ::core::option::Option<RunSummary>,
+    /// How many patches there are.
+    #[prost(uint32, tag = "3")]
+    pub patches: u32,
+    /// How many splits of patches it took until all had a chart.
+    #[prost(uint32, tag = "4")]
+    pub splits: u32,
 }
 /// Response of ParametrizePatches: progress, then the result.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -1402,8 +1433,9 @@ pub mod chart_service_client {
             self.inner = self.inner.max_encoding_message_size(limit);
             self
         }
-        /// Computes the charts of all or of the listed patches. Streams progress, then the result. A patch without a bijective chart is
-        /// split and its parts are mapped, so there may be more charts than patches of the first partition.
+        /// Maps all patches to the plane. Streams progress, then the charts of all or of the listed patches. A patch without a bijective
+        /// chart is split and its parts are mapped, so there may be more charts, with other numbers, than PartitionSurface told patches;
+        /// the numbers in this answer are those that all other methods use.
         pub async fn parametrize_patches(
             &mut self,
             request: impl tonic::IntoRequest<super::ParametrizePatchesRequest>,
@@ -1477,8 +1509,9 @@ pub mod chart_service_server {
             >
             + std::marker::Send
             + 'static;
-        /// Computes the charts of all or of the listed patches. Streams progress, then the result. A patch without a bijective chart is
-        /// split and its parts are mapped, so there may be more charts than patches of the first partition.
+        /// Maps all patches to the plane. Streams progress, then the charts of all or of the listed patches. A patch without a bijective
+        /// chart is split and its parts are mapped, so there may be more charts, with other numbers, than PartitionSurface told patches;
+        /// the numbers in this answer are those that all other methods use.
         async fn parametrize_patches(
             &self,
             request: tonic::Request<super::ParametrizePatchesRequest>,
@@ -1712,502 +1745,6 @@ pub mod chart_service_server {
         const NAME: &'static str = SERVICE_NAME;
     }
 }
-/// Topological numbers of a mesh, which need not be manifold.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
-pub struct TopologyNumbers {
-    /// V - E + F.
-    #[prost(int64, tag = "1")]
-    pub euler: i64,
-    /// Connected components.
-    #[prost(uint32, tag = "2")]
-    pub components: u32,
-    /// Boundary loops.
-    #[prost(uint32, tag = "3")]
-    pub boundary_loops: u32,
-    /// Handles; not set if not manifold and orientable.
-    #[prost(uint32, optional, tag = "4")]
-    pub genus: ::core::option::Option<u32>,
-    /// Edges with more than two faces.
-    #[prost(uint32, tag = "5")]
-    pub non_manifold_edges: u32,
-    /// Vertices with more than one fan.
-    #[prost(uint32, tag = "6")]
-    pub non_manifold_vertices: u32,
-    /// Edges along which both faces run the same way.
-    #[prost(uint32, tag = "7")]
-    pub inconsistent_edges: u32,
-}
-/// Shape and size of the elements of a mesh.
-#[derive(Clone, PartialEq, ::prost::Message)]
-pub struct ShapeQuality {
-    /// Vertices.
-    #[prost(uint64, tag = "1")]
-    pub vertices: u64,
-    /// Triangles.
-    #[prost(uint64, tag = "2")]
-    pub triangles: u64,
-    /// Smallest kappa = 4 sinA sinB sinC / (sinA + sinB + sinC); 1 is equilateral.
-    #[prost(double, tag = "3")]
-    pub kappa_min: f64,
-    /// Mean kappa.
-    #[prost(double, tag = "4")]
-    pub kappa_mean: f64,
-    /// First percentile of kappa.
-    #[prost(double, tag = "5")]
-    pub kappa_p01: f64,
-    /// Counts of kappa in 20 equal bins of \[0, 1\].
-    #[prost(uint64, repeated, tag = "6")]
-    pub kappa_histogram: ::prost::alloc::vec::Vec<u64>,
-    /// Smallest angle.
-    #[prost(double, tag = "7")]
-    pub min_angle: f64,
-    /// Mean over the triangles of their smallest angle.
-    #[prost(double, tag = "8")]
-    pub mean_min_angle: f64,
-    /// Largest angle.
-    #[prost(double, tag = "9")]
-    pub max_angle: f64,
-    /// Equiangle skewness, mean; 0 is best.
-    #[prost(double, tag = "10")]
-    pub skewness_mean: f64,
-    /// Equiangle skewness, largest.
-    #[prost(double, tag = "11")]
-    pub skewness_max: f64,
-    /// Efficiency index in percent: how well edge lengths follow the size field. Not set for the input.
-    #[prost(double, optional, tag = "12")]
-    pub tau: ::core::option::Option<f64>,
-    /// Share of edges whose length over size is in \[1/sqrt 2, sqrt 2\]. Not set for the input.
-    #[prost(double, optional, tag = "13")]
-    pub edge_ratio_ok: ::core::option::Option<f64>,
-}
-/// Distances between output and input.
-#[derive(Clone, Copy, PartialEq, ::prost::Message)]
-pub struct Fidelity {
-    /// Diagonal of the input's bounding box, to which the distances are relative.
-    #[prost(double, tag = "1")]
-    pub diagonal: f64,
-    /// Largest distance, two-sided, over `diagonal`.
-    #[prost(double, tag = "2")]
-    pub hausdorff_max_rel: f64,
-    /// Root mean square distance over `diagonal`.
-    #[prost(double, tag = "3")]
-    pub hausdorff_rms_rel: f64,
-    /// Largest distance output to input over `diagonal`.
-    #[prost(double, tag = "4")]
-    pub out_to_in_max_rel: f64,
-    /// Largest distance input to output over `diagonal`.
-    #[prost(double, tag = "5")]
-    pub in_to_out_max_rel: f64,
-    /// Largest distance of the boundary curves over `diagonal`; not set if one has no boundary.
-    #[prost(double, optional, tag = "6")]
-    pub boundary_deviation_rel: ::core::option::Option<f64>,
-    /// Output area over input area.
-    #[prost(double, tag = "7")]
-    pub area_ratio: f64,
-}
-/// Two faces that intersect.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
-pub struct FacePair {
-    /// One face of the result.
-    #[prost(uint32, tag = "1")]
-    pub first: u32,
-    /// The other.
-    #[prost(uint32, tag = "2")]
-    pub second: u32,
-}
-/// The quality report.
-#[derive(Clone, PartialEq, ::prost::Message)]
-pub struct QualityReport {
-    /// Elements of the result.
-    #[prost(message, optional, tag = "1")]
-    pub shape: ::core::option::Option<ShapeQuality>,
-    /// Elements of the input.
-    #[prost(message, optional, tag = "2")]
-    pub input_shape: ::core::option::Option<ShapeQuality>,
-    /// Distances; only in the full scope.
-    #[prost(message, optional, tag = "3")]
-    pub fidelity: ::core::option::Option<Fidelity>,
-    /// Topology of the input.
-    #[prost(message, optional, tag = "4")]
-    pub topology_input: ::core::option::Option<TopologyNumbers>,
-    /// Topology of the result.
-    #[prost(message, optional, tag = "5")]
-    pub topology_output: ::core::option::Option<TopologyNumbers>,
-    /// Whether topology is the same and nothing became non-manifold.
-    #[prost(bool, tag = "6")]
-    pub topology_kept: bool,
-    /// Pairs of faces of the result that intersect; only in the full scope.
-    #[prost(uint64, optional, tag = "7")]
-    pub self_intersections: ::core::option::Option<u64>,
-    /// Some of those pairs, at most 100.
-    #[prost(message, repeated, tag = "8")]
-    pub intersecting_pairs: ::prost::alloc::vec::Vec<FacePair>,
-    /// The worst faces by kappa, worst first, at most 20.
-    #[prost(uint32, repeated, tag = "9")]
-    pub worst_faces: ::prost::alloc::vec::Vec<u32>,
-}
-/// Request of GetQuality.
-#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
-pub struct GetQualityRequest {
-    /// Required. `sessions/{id}`.
-    #[prost(string, tag = "1")]
-    pub session: ::prost::alloc::string::String,
-    /// ABORTED if the session is at another revision. Not set: whichever is current.
-    #[prost(uint64, optional, tag = "2")]
-    pub expected_revision: ::core::option::Option<u64>,
-    /// What to measure.
-    #[prost(enumeration = "QualityScope", tag = "3")]
-    pub scope: i32,
-}
-/// Response of GetQuality.
-#[derive(Clone, PartialEq, ::prost::Message)]
-pub struct GetQualityResponse {
-    /// The revision.
-    #[prost(uint64, tag = "1")]
-    pub revision: u64,
-    /// The report.
-    #[prost(message, optional, tag = "2")]
-    pub report: ::core::option::Option<QualityReport>,
-    /// What ran.
-    #[prost(message, optional, tag = "3")]
-    pub summary: ::core::option::Option<RunSummary>,
-}
-/// What to measure.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
-#[repr(i32)]
-pub enum QualityScope {
-    /// Everything.
-    Unspecified = 0,
-    /// Shape and size of the elements, and topology.
-    Elements = 1,
-    /// Also distances to the input and self-intersections.
-    Full = 2,
-}
-impl QualityScope {
-    /// String value of the enum field names used in the ProtoBuf definition.
-    ///
-    /// The values are not transformed in any way and thus are considered stable
-    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
-    pub fn as_str_name(&self) -> &'static str {
-        match self {
-            Self::Unspecified => "QUALITY_SCOPE_UNSPECIFIED",
-            Self::Elements => "QUALITY_SCOPE_ELEMENTS",
-            Self::Full => "QUALITY_SCOPE_FULL",
-        }
-    }
-    /// Creates an enum from field names used in the ProtoBuf definition.
-    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
-        match value {
-            "QUALITY_SCOPE_UNSPECIFIED" => Some(Self::Unspecified),
-            "QUALITY_SCOPE_ELEMENTS" => Some(Self::Elements),
-            "QUALITY_SCOPE_FULL" => Some(Self::Full),
-            _ => None,
-        }
-    }
-}
-/// Generated client implementations.
-pub mod quality_service_client {
-    #![allow(
-        unused_variables,
-        dead_code,
-        missing_docs,
-        clippy::wildcard_imports,
-        clippy::let_unit_value,
-    )]
-    use tonic::codegen::*;
-    use tonic::codegen::http::Uri;
-    /// The quality of the result, measured against the input.
-    #[derive(Debug, Clone)]
-    pub struct QualityServiceClient<T> {
-        inner: tonic::client::Grpc<T>,
-    }
-    impl QualityServiceClient<tonic::transport::Channel> {
-        /// Attempt to create a new client by connecting to a given endpoint.
-        pub async fn connect<D>(dst: D) -> Result<Self, tonic::transport::Error>
-        where
-            D: TryInto<tonic::transport::Endpoint>,
-            D::Error: Into<StdError>,
-        {
-            let conn = tonic::transport::Endpoint::new(dst)?.connect().await?;
-            Ok(Self::new(conn))
-        }
-    }
-    impl<T> QualityServiceClient<T>
-    where
-        T: tonic::client::GrpcService<tonic::body::Body>,
-        T::Error: Into<StdError>,
-        T::ResponseBody: Body<Data = Bytes> + std::marker::Send + 'static,
-        <T::ResponseBody as Body>::Error: Into<StdError> + std::marker::Send,
-    {
-        pub fn new(inner: T) -> Self {
-            let inner = tonic::client::Grpc::new(inner);
-            Self { inner }
-        }
-        pub fn with_origin(inner: T, origin: Uri) -> Self {
-            let inner = tonic::client::Grpc::with_origin(inner, origin);
-            Self { inner }
-        }
-        pub fn with_interceptor<F>(
-            inner: T,
-            interceptor: F,
-        ) -> QualityServiceClient<InterceptedService<T, F>>
-        where
-            F: tonic::service::Interceptor,
-            T::ResponseBody: Default,
-            T: tonic::codegen::Service<
-                http::Request<tonic::body::Body>,
-                Response = http::Response<
-                    <T as tonic::client::GrpcService<tonic::body::Body>>::ResponseBody,
-                >,
-            >,
-            <T as tonic::codegen::Service<
-                http::Request<tonic::body::Body>,
-            >>::Error: Into<StdError> + std::marker::Send + std::marker::Sync,
-        {
-            QualityServiceClient::new(InterceptedService::new(inner, interceptor))
-        }
-        /// Compress requests with the given encoding.
-        ///
-        /// This requires the server to support it otherwise it might respond with an
-        /// error.
-        #[must_use]
-        pub fn send_compressed(mut self, encoding: CompressionEncoding) -> Self {
-            self.inner = self.inner.send_compressed(encoding);
-            self
-        }
-        /// Enable decompressing responses.
-        #[must_use]
-        pub fn accept_compressed(mut self, encoding: CompressionEncoding) -> Self {
-            self.inner = self.inner.accept_compressed(encoding);
-            self
-        }
-        /// Limits the maximum size of a decoded message.
-        ///
-        /// Default: `4MB`
-        #[must_use]
-        pub fn max_decoding_message_size(mut self, limit: usize) -> Self {
-            self.inner = self.inner.max_decoding_message_size(limit);
-            self
-        }
-        /// Limits the maximum size of an encoded message.
-        ///
-        /// Default: `usize::MAX`
-        #[must_use]
-        pub fn max_encoding_message_size(mut self, limit: usize) -> Self {
-            self.inner = self.inner.max_encoding_message_size(limit);
-            self
-        }
-        /// Measures the result, which is computed if it is not cached.
-        pub async fn get_quality(
-            &mut self,
-            request: impl tonic::IntoRequest<super::GetQualityRequest>,
-        ) -> std::result::Result<
-            tonic::Response<super::GetQualityResponse>,
-            tonic::Status,
-        > {
-            self.inner
-                .ready()
-                .await
-                .map_err(|e| {
-                    tonic::Status::unknown(
-                        format!("Service was not ready: {}", e.into()),
-                    )
-                })?;
-            let codec = tonic_prost::ProstCodec::default();
-            let path = http::uri::PathAndQuery::from_static(
-                "/remesh.v1.QualityService/GetQuality",
-            );
-            let mut req = request.into_request();
-            req.extensions_mut()
-                .insert(GrpcMethod::new("remesh.v1.QualityService", "GetQuality"));
-            self.inner.unary(req, path, codec).await
-        }
-    }
-}
-/// Generated server implementations.
-pub mod quality_service_server {
-    #![allow(
-        unused_variables,
-        dead_code,
-        missing_docs,
-        clippy::wildcard_imports,
-        clippy::let_unit_value,
-    )]
-    use tonic::codegen::*;
-    /// Generated trait containing gRPC methods that should be implemented for use with QualityServiceServer.
-    #[async_trait]
-    pub trait QualityService: std::marker::Send + std::marker::Sync + 'static {
-        /// Measures the result, which is computed if it is not cached.
-        async fn get_quality(
-            &self,
-            request: tonic::Request<super::GetQualityRequest>,
-        ) -> std::result::Result<
-            tonic::Response<super::GetQualityResponse>,
-            tonic::Status,
-        >;
-    }
-    /// The quality of the result, measured against the input.
-    #[derive(Debug)]
-    pub struct QualityServiceServer<T> {
-        inner: Arc<T>,
-        accept_compression_encodings: EnabledCompressionEncodings,
-        send_compression_encodings: EnabledCompressionEncodings,
-        max_decoding_message_size: Option<usize>,
-        max_encoding_message_size: Option<usize>,
-    }
-    impl<T> QualityServiceServer<T> {
-        pub fn new(inner: T) -> Self {
-            Self::from_arc(Arc::new(inner))
-        }
-        pub fn from_arc(inner: Arc<T>) -> Self {
-            Self {
-                inner,
-                accept_compression_encodings: Default::default(),
-                send_compression_encodings: Default::default(),
-                max_decoding_message_size: None,
-                max_encoding_message_size: None,
-            }
-        }
-        pub fn with_interceptor<F>(
-            inner: T,
-            interceptor: F,
-        ) -> InterceptedService<Self, F>
-        where
-            F: tonic::service::Interceptor,
-        {
-            InterceptedService::new(Self::new(inner), interceptor)
-        }
-        /// Enable decompressing requests with the given encoding.
-        #[must_use]
-        pub fn accept_compressed(mut self, encoding: CompressionEncoding) -> Self {
-            self.accept_compression_encodings.enable(encoding);
-            self
-        }
-        /// Compress responses with the given encoding, if the client supports it.
-        #[must_use]
-        pub fn send_compressed(mut self, encoding: CompressionEncoding) -> Self {
-            self.send_compression_encodings.enable(encoding);
-            self
-        }
-        /// Limits the maximum size of a decoded message.
-        ///
-        /// Default: `4MB`
-        #[must_use]
-        pub fn max_decoding_message_size(mut self, limit: usize) -> Self {
-            self.max_decoding_message_size = Some(limit);
-            self
-        }
-        /// Limits the maximum size of an encoded message.
-        ///
-        /// Default: `usize::MAX`
-        #[must_use]
-        pub fn max_encoding_message_size(mut self, limit: usize) -> Self {
-            self.max_encoding_message_size = Some(limit);
-            self
-        }
-    }
-    impl<T, B> tonic::codegen::Service<http::Request<B>> for QualityServiceServer<T>
-    where
-        T: QualityService,
-        B: Body + std::marker::Send + 'static,
-        B::Error: Into<StdError> + std::marker::Send + 'static,
-    {
-        type Response = http::Response<tonic::body::Body>;
-        type Error = std::convert::Infallible;
-        type Future = BoxFuture<Self::Response, Self::Error>;
-        fn poll_ready(
-            &mut self,
-            _cx: &mut Context<'_>,
-        ) -> Poll<std::result::Result<(), Self::Error>> {
-            Poll::Ready(Ok(()))
-        }
-        fn call(&mut self, req: http::Request<B>) -> Self::Future {
-            match req.uri().path() {
-                "/remesh.v1.QualityService/GetQuality" => {
-                    #[allow(non_camel_case_types)]
-                    struct GetQualitySvc<T: QualityService>(pub Arc<T>);
-                    impl<
-                        T: QualityService,
-                    > tonic::server::UnaryService<super::GetQualityRequest>
-                    for GetQualitySvc<T> {
-                        type Response = super::GetQualityResponse;
-                        type Future = BoxFuture<
-                            tonic::Response<Self::Response>,
-                            tonic::Status,
-                        >;
-                        fn call(
-                            &mut self,
-                            request: tonic::Request<super::GetQualityRequest>,
-                        ) -> Self::Future {
-                            let inner = Arc::clone(&self.0);
-                            let fut = async move {
-                                <T as QualityService>::get_quality(&inner, request).await
-                            };
-                            Box::pin(fut)
-                        }
-                    }
-                    let accept_compression_encodings = self.accept_compression_encodings;
-                    let send_compression_encodings = self.send_compression_encodings;
-                    let max_decoding_message_size = self.max_decoding_message_size;
-                    let max_encoding_message_size = self.max_encoding_message_size;
-                    let inner = self.inner.clone();
-                    let fut = async move {
-                        let method = GetQualitySvc(inner);
-                        let codec = tonic_prost::ProstCodec::default();
-                        let mut grpc = tonic::server::Grpc::new(codec)
-                            .apply_compression_config(
-                                accept_compression_encodings,
-                                send_compression_encodings,
-                            )
-                            .apply_max_message_size_config(
-                                max_decoding_message_size,
-                                max_encoding_message_size,
-                            );
-                        let res = grpc.unary(method, req).await;
-                        Ok(res)
-                    };
-                    Box::pin(fut)
-                }
-                _ => {
-                    Box::pin(async move {
-                        let mut response = http::Response::new(
-                            tonic::body::Body::default(),
-                        );
-                        let headers = response.headers_mut();
-                        headers
-                            .insert(
-                                tonic::Status::GRPC_STATUS,
-                                (tonic::Code::Unimplemented as i32).into(),
-                            );
-                        headers
-                            .insert(
-                                http::header::CONTENT_TYPE,
-                                tonic::metadata::GRPC_CONTENT_TYPE,
-                            );
-                        Ok(response)
-                    })
-                }
-            }
-        }
-    }
-    impl<T> Clone for QualityServiceServer<T> {
-        fn clone(&self) -> Self {
-            let inner = self.inner.clone();
-            Self {
-                inner,
-                accept_compression_encodings: self.accept_compression_encodings,
-                send_compression_encodings: self.send_compression_encodings,
-                max_decoding_message_size: self.max_decoding_message_size,
-                max_encoding_message_size: self.max_encoding_message_size,
-            }
-        }
-    }
-    /// Generated gRPC service name
-    pub const SERVICE_NAME: &str = "remesh.v1.QualityService";
-    impl<T> tonic::server::NamedService for QualityServiceServer<T> {
-        const NAME: &'static str = SERVICE_NAME;
-    }
-}
 /// A session.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct Session {
@@ -2305,7 +1842,7 @@ pub struct ListSessionsRequest {
 /// Response of ListSessions.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct ListSessionsResponse {
-    /// The sessions, in order of their names; without `mesh` and `inputs`.
+    /// The sessions, in order of their creation; without `mesh` and `inputs`.
     #[prost(message, repeated, tag = "1")]
     pub sessions: ::prost::alloc::vec::Vec<Session>,
     /// Token of the next page; empty on the last.
@@ -2520,7 +2057,7 @@ pub mod session_service_client {
                 .insert(GrpcMethod::new("remesh.v1.SessionService", "CreateSession"));
             self.inner.unary(req, path, codec).await
         }
-        /// Tells the state of a session. Does not prolong its life.
+        /// Tells the state of a session. Counts as a use.
         pub async fn get_session(
             &mut self,
             request: impl tonic::IntoRequest<super::GetSessionRequest>,
@@ -2545,7 +2082,7 @@ pub mod session_service_client {
                 .insert(GrpcMethod::new("remesh.v1.SessionService", "GetSession"));
             self.inner.unary(req, path, codec).await
         }
-        /// Lists sessions by name.
+        /// Lists sessions, the oldest first.
         pub async fn list_sessions(
             &mut self,
             request: impl tonic::IntoRequest<super::ListSessionsRequest>,
@@ -2669,7 +2206,7 @@ pub mod session_service_server {
             tonic::Response<super::CreateSessionResponse>,
             tonic::Status,
         >;
-        /// Tells the state of a session. Does not prolong its life.
+        /// Tells the state of a session. Counts as a use.
         async fn get_session(
             &self,
             request: tonic::Request<super::GetSessionRequest>,
@@ -2677,7 +2214,7 @@ pub mod session_service_server {
             tonic::Response<super::GetSessionResponse>,
             tonic::Status,
         >;
-        /// Lists sessions by name.
+        /// Lists sessions, the oldest first.
         async fn list_sessions(
             &self,
             request: tonic::Request<super::ListSessionsRequest>,
@@ -4308,7 +3845,7 @@ pub struct ReadPatchDataRequest {
     /// ABORTED if the session is at another revision. Not set: whichever is current.
     #[prost(uint64, optional, tag = "2")]
     pub expected_revision: ::core::option::Option<u64>,
-    /// Number of the patch.
+    /// Number of the patch, as in ParametrizePatches; computes the charts if needed, since they may split patches.
     #[prost(uint32, tag = "3")]
     pub patch: u32,
     /// The columns wanted, among POSITIONS, TRIANGLES (local), SOURCE_VERTEX and SOURCE_FACE. Empty: all of them.
@@ -4755,6 +4292,607 @@ pub mod partition_service_server {
         const NAME: &'static str = SERVICE_NAME;
     }
 }
+/// Shape and size of the elements of a mesh.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct ShapeQuality {
+    /// Vertices.
+    #[prost(uint64, tag = "1")]
+    pub vertices: u64,
+    /// Triangles.
+    #[prost(uint64, tag = "2")]
+    pub triangles: u64,
+    /// Smallest kappa = 4 sinA sinB sinC / (sinA + sinB + sinC); 1 is equilateral.
+    #[prost(double, tag = "3")]
+    pub kappa_min: f64,
+    /// Mean kappa.
+    #[prost(double, tag = "4")]
+    pub kappa_mean: f64,
+    /// First percentile of kappa.
+    #[prost(double, tag = "5")]
+    pub kappa_p01: f64,
+    /// Counts of kappa in 20 equal bins of \[0, 1\].
+    #[prost(uint64, repeated, tag = "6")]
+    pub kappa_histogram: ::prost::alloc::vec::Vec<u64>,
+    /// Smallest angle.
+    #[prost(double, tag = "7")]
+    pub min_angle: f64,
+    /// Mean over the triangles of their smallest angle.
+    #[prost(double, tag = "8")]
+    pub mean_min_angle: f64,
+    /// Largest angle.
+    #[prost(double, tag = "9")]
+    pub max_angle: f64,
+    /// Equiangle skewness, mean; 0 is best.
+    #[prost(double, tag = "10")]
+    pub skewness_mean: f64,
+    /// Equiangle skewness, largest.
+    #[prost(double, tag = "11")]
+    pub skewness_max: f64,
+    /// Efficiency index in percent: how well edge lengths follow the size field. Not set for the input.
+    #[prost(double, optional, tag = "12")]
+    pub tau: ::core::option::Option<f64>,
+    /// Share of edges whose length over size is in \[1/sqrt 2, sqrt 2\]. Not set for the input.
+    #[prost(double, optional, tag = "13")]
+    pub edge_ratio_ok: ::core::option::Option<f64>,
+}
+/// Distances between output and input.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct Fidelity {
+    /// Diagonal of the input's bounding box, to which the distances are relative.
+    #[prost(double, tag = "1")]
+    pub diagonal: f64,
+    /// Largest distance, two-sided, over `diagonal`.
+    #[prost(double, tag = "2")]
+    pub hausdorff_max_rel: f64,
+    /// Root mean square distance over `diagonal`.
+    #[prost(double, tag = "3")]
+    pub hausdorff_rms_rel: f64,
+    /// Largest distance output to input over `diagonal`.
+    #[prost(double, tag = "4")]
+    pub out_to_in_max_rel: f64,
+    /// Largest distance input to output over `diagonal`.
+    #[prost(double, tag = "5")]
+    pub in_to_out_max_rel: f64,
+    /// Largest distance of the boundary curves over `diagonal`; not set if one has no boundary.
+    #[prost(double, optional, tag = "6")]
+    pub boundary_deviation_rel: ::core::option::Option<f64>,
+    /// Output area over input area.
+    #[prost(double, tag = "7")]
+    pub area_ratio: f64,
+}
+/// Two faces that intersect.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct FacePair {
+    /// One face of the result.
+    #[prost(uint32, tag = "1")]
+    pub first: u32,
+    /// The other.
+    #[prost(uint32, tag = "2")]
+    pub second: u32,
+}
+/// The quality report.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct QualityReport {
+    /// Elements of the result.
+    #[prost(message, optional, tag = "1")]
+    pub shape: ::core::option::Option<ShapeQuality>,
+    /// Elements of the input.
+    #[prost(message, optional, tag = "2")]
+    pub input_shape: ::core::option::Option<ShapeQuality>,
+    /// Distances; only in the full scope.
+    #[prost(message, optional, tag = "3")]
+    pub fidelity: ::core::option::Option<Fidelity>,
+    /// Topology of the input.
+    #[prost(message, optional, tag = "4")]
+    pub topology_input: ::core::option::Option<TopologyNumbers>,
+    /// Topology of the result.
+    #[prost(message, optional, tag = "5")]
+    pub topology_output: ::core::option::Option<TopologyNumbers>,
+    /// Whether topology is the same and nothing became non-manifold.
+    #[prost(bool, tag = "6")]
+    pub topology_kept: bool,
+    /// Pairs of faces of the result that intersect; only in the full scope.
+    #[prost(uint64, optional, tag = "7")]
+    pub self_intersections: ::core::option::Option<u64>,
+    /// Some of those pairs, at most 100.
+    #[prost(message, repeated, tag = "8")]
+    pub intersecting_pairs: ::prost::alloc::vec::Vec<FacePair>,
+    /// The worst faces by kappa, worst first, at most 20.
+    #[prost(uint32, repeated, tag = "9")]
+    pub worst_faces: ::prost::alloc::vec::Vec<u32>,
+}
+/// Request of GetQuality.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct GetQualityRequest {
+    /// Required. `sessions/{id}`.
+    #[prost(string, tag = "1")]
+    pub session: ::prost::alloc::string::String,
+    /// ABORTED if the session is at another revision. Not set: whichever is current.
+    #[prost(uint64, optional, tag = "2")]
+    pub expected_revision: ::core::option::Option<u64>,
+    /// What to measure.
+    #[prost(enumeration = "QualityScope", tag = "3")]
+    pub scope: i32,
+}
+/// Response of GetQuality.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct GetQualityResponse {
+    /// The revision.
+    #[prost(uint64, tag = "1")]
+    pub revision: u64,
+    /// The report.
+    #[prost(message, optional, tag = "2")]
+    pub report: ::core::option::Option<QualityReport>,
+    /// What ran.
+    #[prost(message, optional, tag = "3")]
+    pub summary: ::core::option::Option<RunSummary>,
+}
+/// A file and how to read it.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct MeshFile {
+    /// How to read it.
+    #[prost(message, optional, tag = "4")]
+    pub options: ::core::option::Option<ImportOptions>,
+    /// Required. The file.
+    #[prost(oneof = "mesh_file::Source", tags = "1, 2, 3")]
+    pub source: ::core::option::Option<mesh_file::Source>,
+}
+/// Nested message and enum types in `MeshFile`.
+pub mod mesh_file {
+    /// Required. The file.
+    #[derive(Clone, PartialEq, ::prost::Oneof)]
+    pub enum Source {
+        /// An uploaded file, `blobs/{digest}`.
+        #[prost(string, tag = "1")]
+        Blob(::prost::alloc::string::String),
+        /// A small file itself.
+        #[prost(bytes, tag = "2")]
+        Inline(::prost::bytes::Bytes),
+        /// A generated surface.
+        #[prost(message, tag = "3")]
+        Sample(super::SampleSpec),
+    }
+}
+/// Request of CompareMeshes.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct CompareMeshesRequest {
+    /// Required. The mesh to compare with.
+    #[prost(message, optional, tag = "1")]
+    pub input: ::core::option::Option<MeshFile>,
+    /// Required. The mesh to measure.
+    #[prost(message, optional, tag = "2")]
+    pub output: ::core::option::Option<MeshFile>,
+    /// Wanted edge length, for `tau` and `edge_ratio_ok`. Not set: they are not measured.
+    #[prost(double, optional, tag = "3")]
+    pub size: ::core::option::Option<f64>,
+    /// What to measure.
+    #[prost(enumeration = "QualityScope", tag = "4")]
+    pub scope: i32,
+}
+/// Response of CompareMeshes.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct CompareMeshesResponse {
+    /// The report; "result" in its comments is `output`.
+    #[prost(message, optional, tag = "1")]
+    pub report: ::core::option::Option<QualityReport>,
+    /// What ran.
+    #[prost(message, optional, tag = "2")]
+    pub summary: ::core::option::Option<RunSummary>,
+}
+/// What to measure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum QualityScope {
+    /// Everything.
+    Unspecified = 0,
+    /// Shape and size of the elements, and topology.
+    Elements = 1,
+    /// Also distances to the input and self-intersections.
+    Full = 2,
+}
+impl QualityScope {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "QUALITY_SCOPE_UNSPECIFIED",
+            Self::Elements => "QUALITY_SCOPE_ELEMENTS",
+            Self::Full => "QUALITY_SCOPE_FULL",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "QUALITY_SCOPE_UNSPECIFIED" => Some(Self::Unspecified),
+            "QUALITY_SCOPE_ELEMENTS" => Some(Self::Elements),
+            "QUALITY_SCOPE_FULL" => Some(Self::Full),
+            _ => None,
+        }
+    }
+}
+/// Generated client implementations.
+pub mod quality_service_client {
+    #![allow(
+        unused_variables,
+        dead_code,
+        missing_docs,
+        clippy::wildcard_imports,
+        clippy::let_unit_value,
+    )]
+    use tonic::codegen::*;
+    use tonic::codegen::http::Uri;
+    /// The quality of a mesh, measured against another.
+    #[derive(Debug, Clone)]
+    pub struct QualityServiceClient<T> {
+        inner: tonic::client::Grpc<T>,
+    }
+    impl QualityServiceClient<tonic::transport::Channel> {
+        /// Attempt to create a new client by connecting to a given endpoint.
+        pub async fn connect<D>(dst: D) -> Result<Self, tonic::transport::Error>
+        where
+            D: TryInto<tonic::transport::Endpoint>,
+            D::Error: Into<StdError>,
+        {
+            let conn = tonic::transport::Endpoint::new(dst)?.connect().await?;
+            Ok(Self::new(conn))
+        }
+    }
+    impl<T> QualityServiceClient<T>
+    where
+        T: tonic::client::GrpcService<tonic::body::Body>,
+        T::Error: Into<StdError>,
+        T::ResponseBody: Body<Data = Bytes> + std::marker::Send + 'static,
+        <T::ResponseBody as Body>::Error: Into<StdError> + std::marker::Send,
+    {
+        pub fn new(inner: T) -> Self {
+            let inner = tonic::client::Grpc::new(inner);
+            Self { inner }
+        }
+        pub fn with_origin(inner: T, origin: Uri) -> Self {
+            let inner = tonic::client::Grpc::with_origin(inner, origin);
+            Self { inner }
+        }
+        pub fn with_interceptor<F>(
+            inner: T,
+            interceptor: F,
+        ) -> QualityServiceClient<InterceptedService<T, F>>
+        where
+            F: tonic::service::Interceptor,
+            T::ResponseBody: Default,
+            T: tonic::codegen::Service<
+                http::Request<tonic::body::Body>,
+                Response = http::Response<
+                    <T as tonic::client::GrpcService<tonic::body::Body>>::ResponseBody,
+                >,
+            >,
+            <T as tonic::codegen::Service<
+                http::Request<tonic::body::Body>,
+            >>::Error: Into<StdError> + std::marker::Send + std::marker::Sync,
+        {
+            QualityServiceClient::new(InterceptedService::new(inner, interceptor))
+        }
+        /// Compress requests with the given encoding.
+        ///
+        /// This requires the server to support it otherwise it might respond with an
+        /// error.
+        #[must_use]
+        pub fn send_compressed(mut self, encoding: CompressionEncoding) -> Self {
+            self.inner = self.inner.send_compressed(encoding);
+            self
+        }
+        /// Enable decompressing responses.
+        #[must_use]
+        pub fn accept_compressed(mut self, encoding: CompressionEncoding) -> Self {
+            self.inner = self.inner.accept_compressed(encoding);
+            self
+        }
+        /// Limits the maximum size of a decoded message.
+        ///
+        /// Default: `4MB`
+        #[must_use]
+        pub fn max_decoding_message_size(mut self, limit: usize) -> Self {
+            self.inner = self.inner.max_decoding_message_size(limit);
+            self
+        }
+        /// Limits the maximum size of an encoded message.
+        ///
+        /// Default: `usize::MAX`
+        #[must_use]
+        pub fn max_encoding_message_size(mut self, limit: usize) -> Self {
+            self.inner = self.inner.max_encoding_message_size(limit);
+            self
+        }
+        /// Measures the result, which is computed if it is not cached.
+        pub async fn get_quality(
+            &mut self,
+            request: impl tonic::IntoRequest<super::GetQualityRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::GetQualityResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.QualityService/GetQuality",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.QualityService", "GetQuality"));
+            self.inner.unary(req, path, codec).await
+        }
+        /// Measures any file against any other in the same way, without a session: for meshes that other tools made.
+        pub async fn compare_meshes(
+            &mut self,
+            request: impl tonic::IntoRequest<super::CompareMeshesRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::CompareMeshesResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.QualityService/CompareMeshes",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.QualityService", "CompareMeshes"));
+            self.inner.unary(req, path, codec).await
+        }
+    }
+}
+/// Generated server implementations.
+pub mod quality_service_server {
+    #![allow(
+        unused_variables,
+        dead_code,
+        missing_docs,
+        clippy::wildcard_imports,
+        clippy::let_unit_value,
+    )]
+    use tonic::codegen::*;
+    /// Generated trait containing gRPC methods that should be implemented for use with QualityServiceServer.
+    #[async_trait]
+    pub trait QualityService: std::marker::Send + std::marker::Sync + 'static {
+        /// Measures the result, which is computed if it is not cached.
+        async fn get_quality(
+            &self,
+            request: tonic::Request<super::GetQualityRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::GetQualityResponse>,
+            tonic::Status,
+        >;
+        /// Measures any file against any other in the same way, without a session: for meshes that other tools made.
+        async fn compare_meshes(
+            &self,
+            request: tonic::Request<super::CompareMeshesRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::CompareMeshesResponse>,
+            tonic::Status,
+        >;
+    }
+    /// The quality of a mesh, measured against another.
+    #[derive(Debug)]
+    pub struct QualityServiceServer<T> {
+        inner: Arc<T>,
+        accept_compression_encodings: EnabledCompressionEncodings,
+        send_compression_encodings: EnabledCompressionEncodings,
+        max_decoding_message_size: Option<usize>,
+        max_encoding_message_size: Option<usize>,
+    }
+    impl<T> QualityServiceServer<T> {
+        pub fn new(inner: T) -> Self {
+            Self::from_arc(Arc::new(inner))
+        }
+        pub fn from_arc(inner: Arc<T>) -> Self {
+            Self {
+                inner,
+                accept_compression_encodings: Default::default(),
+                send_compression_encodings: Default::default(),
+                max_decoding_message_size: None,
+                max_encoding_message_size: None,
+            }
+        }
+        pub fn with_interceptor<F>(
+            inner: T,
+            interceptor: F,
+        ) -> InterceptedService<Self, F>
+        where
+            F: tonic::service::Interceptor,
+        {
+            InterceptedService::new(Self::new(inner), interceptor)
+        }
+        /// Enable decompressing requests with the given encoding.
+        #[must_use]
+        pub fn accept_compressed(mut self, encoding: CompressionEncoding) -> Self {
+            self.accept_compression_encodings.enable(encoding);
+            self
+        }
+        /// Compress responses with the given encoding, if the client supports it.
+        #[must_use]
+        pub fn send_compressed(mut self, encoding: CompressionEncoding) -> Self {
+            self.send_compression_encodings.enable(encoding);
+            self
+        }
+        /// Limits the maximum size of a decoded message.
+        ///
+        /// Default: `4MB`
+        #[must_use]
+        pub fn max_decoding_message_size(mut self, limit: usize) -> Self {
+            self.max_decoding_message_size = Some(limit);
+            self
+        }
+        /// Limits the maximum size of an encoded message.
+        ///
+        /// Default: `usize::MAX`
+        #[must_use]
+        pub fn max_encoding_message_size(mut self, limit: usize) -> Self {
+            self.max_encoding_message_size = Some(limit);
+            self
+        }
+    }
+    impl<T, B> tonic::codegen::Service<http::Request<B>> for QualityServiceServer<T>
+    where
+        T: QualityService,
+        B: Body + std::marker::Send + 'static,
+        B::Error: Into<StdError> + std::marker::Send + 'static,
+    {
+        type Response = http::Response<tonic::body::Body>;
+        type Error = std::convert::Infallible;
+        type Future = BoxFuture<Self::Response, Self::Error>;
+        fn poll_ready(
+            &mut self,
+            _cx: &mut Context<'_>,
+        ) -> Poll<std::result::Result<(), Self::Error>> {
+            Poll::Ready(Ok(()))
+        }
+        fn call(&mut self, req: http::Request<B>) -> Self::Future {
+            match req.uri().path() {
+                "/remesh.v1.QualityService/GetQuality" => {
+                    #[allow(non_camel_case_types)]
+                    struct GetQualitySvc<T: QualityService>(pub Arc<T>);
+                    impl<
+                        T: QualityService,
+                    > tonic::server::UnaryService<super::GetQualityRequest>
+                    for GetQualitySvc<T> {
+                        type Response = super::GetQualityResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::GetQualityRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as QualityService>::get_quality(&inner, request).await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = GetQualitySvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/remesh.v1.QualityService/CompareMeshes" => {
+                    #[allow(non_camel_case_types)]
+                    struct CompareMeshesSvc<T: QualityService>(pub Arc<T>);
+                    impl<
+                        T: QualityService,
+                    > tonic::server::UnaryService<super::CompareMeshesRequest>
+                    for CompareMeshesSvc<T> {
+                        type Response = super::CompareMeshesResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::CompareMeshesRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as QualityService>::compare_meshes(&inner, request).await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = CompareMeshesSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                _ => {
+                    Box::pin(async move {
+                        let mut response = http::Response::new(
+                            tonic::body::Body::default(),
+                        );
+                        let headers = response.headers_mut();
+                        headers
+                            .insert(
+                                tonic::Status::GRPC_STATUS,
+                                (tonic::Code::Unimplemented as i32).into(),
+                            );
+                        headers
+                            .insert(
+                                http::header::CONTENT_TYPE,
+                                tonic::metadata::GRPC_CONTENT_TYPE,
+                            );
+                        Ok(response)
+                    })
+                }
+            }
+        }
+    }
+    impl<T> Clone for QualityServiceServer<T> {
+        fn clone(&self) -> Self {
+            let inner = self.inner.clone();
+            Self {
+                inner,
+                accept_compression_encodings: self.accept_compression_encodings,
+                send_compression_encodings: self.send_compression_encodings,
+                max_decoding_message_size: self.max_decoding_message_size,
+                max_encoding_message_size: self.max_encoding_message_size,
+            }
+        }
+    }
+    /// Generated gRPC service name
+    pub const SERVICE_NAME: &str = "remesh.v1.QualityService";
+    impl<T> tonic::server::NamedService for QualityServiceServer<T> {
+        const NAME: &'static str = SERVICE_NAME;
+    }
+}
 /// Request of RemeshSurface.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct RemeshSurfaceRequest {
@@ -4764,12 +4902,12 @@ pub struct RemeshSurfaceRequest {
     /// ABORTED if the session is at another revision. Not set: whichever is current.
     #[prost(uint64, optional, tag = "2")]
     pub expected_revision: ::core::option::Option<u64>,
-    /// Numbers of the patches to mesh. Empty: the whole surface, joined and optimised. Otherwise only these patches are meshed (they
-    /// stay cached and conform with their neighbours), and nothing is joined.
+    /// Numbers of the patches to mesh, as in ParametrizePatches. Empty: the whole surface, joined and optimised. Otherwise only these
+    /// patches are meshed (they stay cached and conform with their neighbours), and nothing is joined.
     #[prost(uint32, repeated, tag = "3")]
     pub patches: ::prost::alloc::vec::Vec<u32>,
 }
-/// A finished patch mesh.
+/// The mesh of a patch.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct PatchMeshSummary {
     /// Number of the patch.
@@ -4788,7 +4926,7 @@ pub struct RemeshResult {
     /// The result; not set if patches were listed.
     #[prost(message, optional, tag = "1")]
     pub mesh: ::core::option::Option<MeshSummary>,
-    /// The meshes of the patches, by number, before optimisation.
+    /// The patches, in the order asked for or by number: the listed ones as they were meshed, otherwise those of the result.
     #[prost(message, repeated, tag = "2")]
     pub patches: ::prost::alloc::vec::Vec<PatchMeshSummary>,
     /// Quality of the elements of the result; not set if patches were listed.
@@ -4820,7 +4958,7 @@ pub mod remesh_surface_response {
     }
 }
 /// A stage of a plan.
-#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+#[derive(Clone, PartialEq, ::prost::Message)]
 pub struct PlannedStage {
     /// The stage, as in `StageRecord`.
     #[prost(string, tag = "1")]
@@ -4828,9 +4966,15 @@ pub struct PlannedStage {
     /// What it works on.
     #[prost(string, tag = "2")]
     pub subject: ::prost::alloc::string::String,
-    /// What would happen.
-    #[prost(enumeration = "PlannedOutcome", tag = "3")]
+    /// HIT if its output is cached, RUN if it would be computed.
+    #[prost(enumeration = "StageOutcome", tag = "3")]
     pub outcome: i32,
+    /// For RUN the mean of what this stage took before, 0 if it never ran; for HIT 0.
+    #[prost(double, tag = "4")]
+    pub estimated_milliseconds: f64,
+    /// For HIT the size of its output in memory.
+    #[prost(uint64, tag = "5")]
+    pub bytes: u64,
 }
 /// Request of PlanRemesh.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
@@ -4848,15 +4992,19 @@ pub struct PlanRemeshResponse {
     /// The revision.
     #[prost(uint64, tag = "1")]
     pub revision: u64,
-    /// The stages, in the order of the pipeline, as far as they are known.
+    /// The stages, in the order of the pipeline, as far as they are known: patches and curves of a partition that is not cached
+    /// cannot be listed.
     #[prost(message, repeated, tag = "2")]
     pub stages: ::prost::alloc::vec::Vec<PlannedStage>,
     /// How many are cached.
     #[prost(uint32, tag = "3")]
-    pub cached: u32,
+    pub hits: u32,
     /// How many would run.
     #[prost(uint32, tag = "4")]
     pub runs: u32,
+    /// Sum of the estimates.
+    #[prost(double, tag = "5")]
+    pub estimated_milliseconds: f64,
 }
 /// Request of RemeshMesh.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -4932,43 +5080,6 @@ pub struct RemeshMeshResponse {
     /// What ran.
     #[prost(message, optional, tag = "6")]
     pub summary: ::core::option::Option<RunSummary>,
-}
-/// What would happen to a stage.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
-#[repr(i32)]
-pub enum PlannedOutcome {
-    /// Never sent.
-    Unspecified = 0,
-    /// Its output is cached.
-    Cached = 1,
-    /// It would run.
-    Run = 2,
-    /// Not known before the stages above have run: its input may turn out to be cached.
-    Unknown = 3,
-}
-impl PlannedOutcome {
-    /// String value of the enum field names used in the ProtoBuf definition.
-    ///
-    /// The values are not transformed in any way and thus are considered stable
-    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
-    pub fn as_str_name(&self) -> &'static str {
-        match self {
-            Self::Unspecified => "PLANNED_OUTCOME_UNSPECIFIED",
-            Self::Cached => "PLANNED_OUTCOME_CACHED",
-            Self::Run => "PLANNED_OUTCOME_RUN",
-            Self::Unknown => "PLANNED_OUTCOME_UNKNOWN",
-        }
-    }
-    /// Creates an enum from field names used in the ProtoBuf definition.
-    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
-        match value {
-            "PLANNED_OUTCOME_UNSPECIFIED" => Some(Self::Unspecified),
-            "PLANNED_OUTCOME_CACHED" => Some(Self::Cached),
-            "PLANNED_OUTCOME_RUN" => Some(Self::Run),
-            "PLANNED_OUTCOME_UNKNOWN" => Some(Self::Unknown),
-            _ => None,
-        }
-    }
 }
 /// Generated client implementations.
 pub mod remesh_service_client {
