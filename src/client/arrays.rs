@@ -225,7 +225,8 @@ fn mesh_of(revision: u64, header: v1::MeshDataHeader, columns: MeshColumns, mut 
     };
     check_indices(mesh.triangles.iter().flatten(), mesh.positions.len(), "a triangle names vertex")?;
     check_indices(mesh.features.iter().flatten(), mesh.positions.len(), "a feature edge names vertex")?;
-    check_indices(&mesh.region, mesh.regions.len(), "a face names region")?;
+    // A surface without named regions has one region, whether or not the table has an entry for it.
+    check_indices(&mesh.region, mesh.regions.len().max(1), "a face names region")?;
     Ok(mesh)
 }
 

@@ -39,7 +39,7 @@ impl Client {
         session_of(self.sessions().create_session(request).await?.into_inner().session)
     }
 
-    /// The state of a session.
+    /// The state of a session; counts as a use of it.
     ///
     /// # Errors
     /// `SESSION_NOT_FOUND`, `SESSION_EXPIRED`.
@@ -48,7 +48,7 @@ impl Client {
         session_of(self.sessions().get_session(request).await?.into_inner().session)
     }
 
-    /// All sessions by name, over as many pages as there are; without their meshes and inputs.
+    /// All sessions, the oldest first, over as many pages as there are; without their meshes and inputs.
     ///
     /// # Errors
     /// Only those of the connection.
@@ -123,7 +123,7 @@ impl Client {
         drive!(self.partitions().partition_surface(request).await?, partition_surface_response, on_progress)
     }
 
-    /// Makes the charts of the listed patches, or of all if none are listed.
+    /// Maps all patches to the plane and tells the charts of the listed ones, or of all if none are listed.
     ///
     /// # Errors
     /// Those of [`Client::partition`], `PATCH_NOT_FOUND`, `CHART_FAILED`.
@@ -168,6 +168,14 @@ impl Client {
     pub async fn quality(&self, session: &str, scope: v1::QualityScope) -> Result<v1::GetQualityResponse> {
         let request = v1::GetQualityRequest { session: session.to_owned(), expected_revision: None, scope: scope.into() };
         Ok(self.qualities().get_quality(request).await?.into_inner())
+    }
+
+    /// Measures one file against another, without a session.
+    ///
+    /// # Errors
+    /// Those of [`Client::import`], for either file.
+    pub async fn compare(&self, request: v1::CompareMeshesRequest) -> Result<v1::CompareMeshesResponse> {
+        Ok(self.qualities().compare_meshes(request).await?.into_inner())
     }
 
     /// One call: a file in, a remeshed file out, no session. For files up to the daemon's `max_inline_bytes`.

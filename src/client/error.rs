@@ -183,7 +183,7 @@ impl CallError {
         CallError {
             code: status.code(),
             reason: info.map(|info| info.reason.clone()),
-            message: status.message().to_owned(),
+            message: if places.is_empty() { status.message().to_owned() } else { without_first_place(status.message()) },
             hint: metadata.remove(HINT_KEY).filter(|hint| !hint.is_empty()),
             metadata,
             fields: fields.iter().map(|v| FieldError { field: v.field.clone(), description: v.description.clone() }).collect(),
@@ -191,6 +191,15 @@ impl CallError {
             places,
             place_total,
         }
+    }
+}
+
+/// The message of a daemon names the first place in brackets, for clients that do not decode the places; here they are listed.
+fn without_first_place(message: &str) -> String {
+    let cut = message.find(" (first of ").and_then(|start| Some((start, start + message[start..].find(')')?)));
+    match cut {
+        Some((start, end)) => format!("{}{}", &message[..start], &message[end + 1..]),
+        None => message.to_owned(),
     }
 }
 
@@ -289,7 +298,7 @@ mod tests {
             info("NON_MANIFOLD_EDGE", &[("hint", "Split the edge or delete a face."), ("count", "250")]),
             any(GEOMETRY_LOCATIONS_TYPE_URL, locations.encode_to_vec()),
         ];
-        let error = ClientError::from(with_details(Code::FailedPrecondition, "250 edges have more than two faces", details));
+        let error = ClientError::from(with_details(Code::FailedPrecondition, "250 edges have more than two faces (first of 250: Edge [0, 9] at 12.345678, -0.5, 1e-7)", details));
         assert_eq!(error.reason(), Some("NON_MANIFOLD_EDGE"));
         let call = error.call().expect("an error of a call");
         assert_eq!((call.places.len(), call.place_total), (7, 250));
