@@ -6,6 +6,7 @@
 
 pub mod error;
 pub mod fingerprint;
+pub mod parallel;
 pub mod vector;
 pub mod work;
 
@@ -32,6 +33,7 @@ pub mod assemble;
 pub mod optimize;
 pub mod quality;
 
+pub mod engine;
 pub mod pipeline;
 pub mod session;
 pub mod stage;

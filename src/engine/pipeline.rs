@@ -1,1 +1,193 @@
-//! The one file that ties stage functions to stage keys, in the order of the pipeline.
+//! Requests on a session: import, partition, charts, remesh, quality, plan. [`graph`] ties stages to keys; the same walk carries a
+//! request out or, for a plan, only looks at what is cached.
+
+mod context;
+mod graph;
+mod patch_set;
+
+pub use context::{Event, Progress, Run};
+pub use patch_set::{PatchCurve, PatchSet};
+
+use crate::engine::Engine;
+use crate::error::{EngineError, Reason, Result};
+use crate::features::Features;
+use crate::import::{ImportOptions, Imported};
+use crate::optimize::Remeshed;
+use crate::parametrize::{Chart, ChartOutcome};
+use crate::partition::Partition;
+use crate::planar::LiftedPatch;
+use crate::quality::{QualityReport, QualityScope};
+use crate::session::{MeshSource, Snapshot};
+use crate::sizing::SizeField;
+use crate::stage::{StageRecord, Stored};
+use crate::topology::Topology;
+use context::Context;
+
+/// A result with what it took.
+#[derive(Debug, Clone)]
+pub struct Answer<T> {
+    /// The result.
+    pub value: T,
+    /// What every stage did, in pipeline order.
+    pub records: Vec<StageRecord>,
+}
+
+/// A surface that can be remeshed.
+#[derive(Debug, Clone)]
+pub struct Surface {
+    /// The imported mesh with its report and diagnosis.
+    pub imported: Stored<Imported>,
+    /// Its adjacency.
+    pub topology: Stored<Topology>,
+}
+
+/// A partitioned surface with a chart for every patch.
+#[derive(Debug, Clone)]
+pub struct Charts {
+    /// The surface.
+    pub surface: Surface,
+    /// Its features.
+    pub features: Stored<Features>,
+    /// The partition all of whose patches have a chart.
+    pub partition: Stored<Partition>,
+    /// The patches.
+    pub patches: Stored<PatchSet>,
+    /// Outcome of each patch; all are mapped.
+    pub charts: Vec<Stored<ChartOutcome>>,
+    /// How many patches had to be split because no chart of theirs was usable.
+    pub resplit: u32,
+}
+
+impl Charts {
+    /// The chart of a patch.
+    pub fn chart(&self, patch: usize) -> Option<&Chart> {
+        match &*self.charts.get(patch)?.value {
+            ChartOutcome::Mapped(chart) => Some(chart),
+            ChartOutcome::MustSplit { .. } => None,
+        }
+    }
+}
+
+/// A finished remesh and what led to it.
+#[derive(Debug, Clone)]
+pub struct Remesh {
+    /// Partition and charts.
+    pub charts: Charts,
+    /// Wanted sizes.
+    pub sizes: Stored<SizeField>,
+    /// The finished mesh.
+    pub result: Stored<Remeshed>,
+}
+
+/// Imports the surface of a snapshot, whether or not it can be remeshed.
+///
+/// # Errors
+/// [`Reason::NoMesh`], those of [`import_mesh`].
+pub fn import(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Answer<Stored<Imported>>> {
+    Context::execute(engine, run, |context| graph::import_step(context, snapshot))
+}
+
+/// Imports and checks that the surface can be remeshed.
+///
+/// # Errors
+/// Those of [`import`], and the refusal of [`crate::diagnose::Diagnosis::refusal`].
+pub fn surface(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Answer<Surface>> {
+    Context::execute(engine, run, |context| graph::surface_step(context, snapshot))
+}
+
+/// Partitions the surface (before any split that charts ask for).
+///
+/// # Errors
+/// Those of [`surface`], [`detect_features`] and [`partition_surface`].
+pub fn partition(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Answer<Stored<Partition>>> {
+    Context::execute(engine, run, |context| {
+        let surface = graph::surface_step(context, snapshot)?;
+        let features = graph::features_step(context, snapshot, &surface)?;
+        graph::partition_step(context, snapshot, &surface, &features)
+    })
+}
+
+/// Partitions the surface and computes the charts of all patches.
+///
+/// # Errors
+/// Those of [`partition`] and [`parametrize_patch`].
+pub fn charts(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Answer<Charts>> {
+    Context::execute(engine, run, |context| graph::charts_step(context, snapshot))
+}
+
+/// Remeshes the listed patches only, up to their lifted meshes (neighbours stay conforming: curves are shared).
+///
+/// # Errors
+/// [`Reason::PatchNotFound`], and those of [`remesh`].
+pub fn remesh_patches(
+    engine: &Engine,
+    snapshot: &Snapshot,
+    patches: &[u32],
+    run: &Run<'_>,
+) -> Result<Answer<(Charts, Vec<Stored<LiftedPatch>>)>> {
+    Context::execute(engine, run, |context| {
+        let charts = graph::charts_step(context, snapshot)?;
+        let count = charts.charts.len();
+        if let Some(&unknown) = patches.iter().find(|&&p| p as usize >= count) {
+            let message = format!("there is no patch {unknown}; the surface has {count}");
+            return Err(EngineError::new(Reason::PatchNotFound, message).into());
+        }
+        let sizes = graph::size_step(context, snapshot, &charts)?;
+        let meshes = graph::lifted_step(context, snapshot, &charts, &sizes, patches)?;
+        Ok((charts, meshes.lifted))
+    })
+}
+
+/// The whole pipeline up to the finished mesh.
+///
+/// # Errors
+/// [`Reason::BadParameter`] if no size is set; those of all stages.
+pub fn remesh(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Answer<Remesh>> {
+    Context::execute(engine, run, |context| graph::remesh_step(context, snapshot))
+}
+
+/// Remeshes (from the cache, if nothing changed) and measures the result against the input.
+///
+/// # Errors
+/// Those of [`remesh`] and [`measure_quality`].
+pub fn quality(
+    engine: &Engine,
+    snapshot: &Snapshot,
+    scope: QualityScope,
+    run: &Run<'_>,
+) -> Result<Answer<(Remesh, Stored<QualityReport>)>> {
+    Context::execute(engine, run, |context| {
+        let remesh = graph::remesh_step(context, snapshot)?;
+        let report = graph::quality_step(context, &remesh, scope)?;
+        Ok((remesh, report))
+    })
+}
+
+/// Measures any mesh against any other, as [`quality`] does for results: for meshes that other tools made. Both are imported with
+/// the same repairs as every surface; `size` is the wanted edge length for tau.
+///
+/// # Errors
+/// Those of [`import_mesh`] and [`measure_quality`].
+pub fn compare(
+    engine: &Engine,
+    input: (&MeshSource, &ImportOptions),
+    output: (&MeshSource, &ImportOptions),
+    size: Option<f64>,
+    scope: QualityScope,
+    run: &Run<'_>,
+) -> Result<Answer<Stored<QualityReport>>> {
+    if size.is_some_and(|size| !(size > 0.0 && size.is_finite())) {
+        return Err(EngineError::bad_parameter("size", "the wanted edge length must be positive and finite"));
+    }
+    Context::execute(engine, run, |context| graph::compare_step(context, input, output, size, scope))
+}
+
+/// What a request for the finished mesh would find in the cache and what it would run. Computes nothing.
+/// Where a stage will run, the stages below it that work on the whole surface are listed as running too; patches and curves
+/// of a partition that is not known yet cannot be listed.
+///
+/// # Errors
+/// [`Reason::NoMesh`], [`Reason::BadParameter`] if no size is set, a refusal that is already known.
+pub fn plan(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Vec<StageRecord>> {
+    Context::plan(engine, run, |context| graph::remesh_step(context, snapshot).map(|_| ()))
+}

@@ -1,1 +1,319 @@
-//! Sessions: the inputs of a remeshing job, their revisions and immutable snapshots.
+//! Sessions: the inputs of a remeshing job, their revisions and immutable snapshots. A session holds inputs only; all else is
+//! derived and can be dropped and recomputed bit for bit.
+
+use crate::error::{EngineError, Reason, Result};
+use crate::features::FeatureSpec;
+use crate::fingerprint::{Contents, Feeder, Fingerprint};
+use crate::import::ImportOptions;
+use crate::mesh::SurfaceMesh;
+use crate::optimize::OptimizeSpec;
+use crate::parametrize::ChartSpec;
+use crate::partition::PartitionSpec;
+use crate::planar::Mesher;
+use crate::sample::SampleSpec;
+use crate::sizing::SizeSpec;
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard};
+use std::time::{Duration, SystemTime};
+
+/// Number of a state of a session; 0 is the empty session, every change makes the next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
+pub struct Revision(pub u64);
+
+/// Bytes of an uploaded file, by digest.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Blob {
+    /// The file.
+    pub bytes: Vec<u8>,
+    /// BLAKE3 digest of the file, lower-case hexadecimal.
+    pub digest: String,
+}
+
+impl Blob {
+    /// Takes a file and digests it.
+    pub fn new(bytes: Vec<u8>) -> Self {
+        let digest = blake3::hash(&bytes).to_hex().to_string();
+        Blob { bytes, digest }
+    }
+}
+
+/// Where the surface of a session comes from.
+#[derive(Debug, Clone)]
+pub enum MeshSource {
+    /// A file.
+    File(Arc<Blob>),
+    /// Arrays of a client.
+    Arrays {
+        /// The arrays, checked by [`SurfaceMesh::validate`] on import.
+        mesh: Arc<SurfaceMesh>,
+        /// Their fingerprint.
+        fingerprint: Fingerprint,
+    },
+    /// A generated sample.
+    Sample(SampleSpec),
+}
+
+impl MeshSource {
+    /// A source from arrays.
+    pub fn from_arrays(mesh: SurfaceMesh) -> Self {
+        MeshSource::Arrays { fingerprint: mesh.fingerprint(), mesh: Arc::new(mesh) }
+    }
+
+    /// Bytes held by the source.
+    pub fn bytes(&self) -> usize {
+        match self {
+            MeshSource::File(blob) => blob.bytes.len(),
+            MeshSource::Arrays { mesh, .. } => mesh.bytes(),
+            MeshSource::Sample(_) => std::mem::size_of::<SampleSpec>(),
+        }
+    }
+
+    /// Feeds the identity of the contents.
+    pub fn feed(&self, into: &mut Feeder) {
+        match self {
+            MeshSource::File(blob) => into.u64(0).text(&blob.digest),
+            MeshSource::Arrays { fingerprint, .. } => into.u64(1).fingerprint(*fingerprint),
+            MeshSource::Sample(spec) => into.u64(2).text(&format!("{spec:?}")),
+        };
+    }
+}
+
+/// All inputs of a session at one revision. Immutable; results of different revisions never mix.
+#[derive(Debug, Clone)]
+pub struct Snapshot {
+    /// Which state this is.
+    pub revision: Revision,
+    /// The surface, once there is one.
+    pub source: Option<MeshSource>,
+    /// How it is read.
+    pub import: ImportOptions,
+    /// Which edges are features.
+    pub features: FeatureSpec,
+    /// How it is partitioned.
+    pub partition: PartitionSpec,
+    /// Which charts are wanted.
+    pub chart: ChartSpec,
+    /// Which sizes are wanted; `None` until set: sizes are never guessed.
+    pub size: Option<SizeSpec>,
+    /// The planar mesher.
+    pub mesher: Mesher,
+    /// How far to optimise.
+    pub optimize: OptimizeSpec,
+}
+
+impl Snapshot {
+    fn empty() -> Self {
+        Snapshot {
+            revision: Revision(0),
+            source: None,
+            import: ImportOptions::default(),
+            features: FeatureSpec::default(),
+            partition: PartitionSpec::default(),
+            chart: ChartSpec::default(),
+            size: None,
+            mesher: Mesher::default(),
+            optimize: OptimizeSpec::default(),
+        }
+    }
+}
+
+/// One edit of a session's inputs.
+#[derive(Debug, Clone)]
+pub enum Change {
+    /// Replace the surface and how it is read. All other inputs stay.
+    Mesh {
+        /// The surface.
+        source: MeshSource,
+        /// How to read it.
+        options: ImportOptions,
+    },
+    /// Replace the feature specification.
+    Features(FeatureSpec),
+    /// Replace the partition specification.
+    Partition(PartitionSpec),
+    /// Replace the chart specification.
+    Chart(ChartSpec),
+    /// Replace the size specification.
+    Size(SizeSpec),
+    /// Replace the planar mesher.
+    Mesher(Mesher),
+    /// Replace the optimisation specification.
+    Optimize(OptimizeSpec),
+    /// Take all inputs of an earlier revision that is still kept (undo).
+    Rollback(Revision),
+}
+
+/// How many past revisions a session keeps for rollback.
+pub const KEPT_REVISIONS: usize = 64;
+
+struct State {
+    /// Kept snapshots, oldest first; the last is the current one. Never empty.
+    history: VecDeque<Arc<Snapshot>>,
+    ttl: Duration,
+    last_used: SystemTime,
+}
+
+/// A session: one writer ([`Session::apply`]), any number of readers with snapshots.
+pub struct Session {
+    /// Unguessable name.
+    pub id: String,
+    /// When it was made.
+    pub created: SystemTime,
+    state: Mutex<State>,
+}
+
+impl std::fmt::Debug for Session {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Session").field("created", &self.created).field("revision", &self.revision()).finish_non_exhaustive()
+    }
+}
+
+impl Session {
+    /// An empty session; lives for `ttl` after its last use.
+    pub fn new(id: String, ttl: Duration, now: SystemTime) -> Self {
+        let history = VecDeque::from([Arc::new(Snapshot::empty())]);
+        Session { id, created: now, state: Mutex::new(State { history, ttl, last_used: now }) }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+    }
+
+    /// The current inputs.
+    pub fn snapshot(&self) -> Arc<Snapshot> {
+        self.lock().history.back().expect("history is never empty").clone()
+    }
+
+    /// The current revision.
+    pub fn revision(&self) -> Revision {
+        self.snapshot().revision
+    }
+
+    /// Oldest revision that a rollback can name.
+    pub fn oldest_revision(&self) -> Revision {
+        self.lock().history.front().expect("history is never empty").revision
+    }
+
+    /// Applies changes, all or none, and gives the new revision. With `base`, only if that is still the current one.
+    /// O(1): nothing is computed here; a change that cannot be carried out shows when results are asked for.
+    ///
+    /// # Errors
+    /// [`Reason::StaleRevision`] with the current revision as metadata; [`Reason::BadParameter`] for an unknown rollback revision.
+    pub fn apply(&self, base: Option<Revision>, changes: &[Change]) -> Result<Revision> {
+        let mut state = self.lock();
+        let current = state.history.back().expect("history is never empty").clone();
+        if let Some(base) = base.filter(|&base| base != current.revision) {
+            let message = format!("the change is based on revision {}, the session is at {}", base.0, current.revision.0);
+            return Err(EngineError::new(Reason::StaleRevision, message)
+                .with_hint("read the session again and repeat the change on its current revision")
+                .with_metadata("base_revision", base.0)
+                .with_metadata("current_revision", current.revision.0));
+        }
+        let mut next = Snapshot::clone(&current);
+        for change in changes {
+            match change {
+                Change::Mesh { source, options } => (next.source, next.import) = (Some(source.clone()), options.clone()),
+                Change::Features(spec) => next.features = spec.clone(),
+                Change::Partition(spec) => next.partition = spec.clone(),
+                Change::Chart(spec) => next.chart = *spec,
+                Change::Size(spec) => next.size = Some(spec.clone()),
+                Change::Mesher(mesher) => next.mesher = *mesher,
+                Change::Optimize(spec) => next.optimize = spec.clone(),
+                Change::Rollback(revision) => {
+                    let kept = state.history.iter().find(|s| s.revision == *revision);
+                    let oldest = state.history.front().map_or(0, |s| s.revision.0);
+                    next = Snapshot::clone(kept.ok_or_else(|| {
+                        EngineError::bad_parameter("rollback", format!("revision {} is not kept; the oldest kept is {oldest}", revision.0))
+                    })?);
+                }
+            }
+        }
+        next.revision = Revision(current.revision.0 + 1);
+        let revision = next.revision;
+        state.history.push_back(Arc::new(next));
+        while state.history.len() > KEPT_REVISIONS {
+            state.history.pop_front();
+        }
+        Ok(revision)
+    }
+
+    /// Marks the session as used.
+    pub fn touch(&self, now: SystemTime) {
+        let mut state = self.lock();
+        state.last_used = state.last_used.max(now);
+    }
+
+    /// Sets how long it lives after its last use.
+    pub fn set_ttl(&self, ttl: Duration) {
+        self.lock().ttl = ttl;
+    }
+
+    /// How long it lives after its last use.
+    pub fn ttl(&self) -> Duration {
+        self.lock().ttl
+    }
+
+    /// When it expires if nobody uses it.
+    pub fn expires(&self) -> SystemTime {
+        let state = self.lock();
+        state.last_used.checked_add(state.ttl).unwrap_or(state.last_used)
+    }
+
+    /// Bytes of the inputs of all kept revisions; a source shared by several counts once.
+    pub fn bytes(&self) -> usize {
+        let state = self.lock();
+        let mut seen: Vec<Fingerprint> = Vec::new();
+        let mut total = 0;
+        for source in state.history.iter().filter_map(|s| s.source.as_ref()) {
+            let mut feeder = Feeder::new();
+            source.feed(&mut feeder);
+            let fingerprint = feeder.finish();
+            if !seen.contains(&fingerprint) {
+                seen.push(fingerprint);
+                total += source.bytes();
+            }
+        }
+        total
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn session() -> Session {
+        Session::new("s".into(), Duration::from_secs(60), SystemTime::UNIX_EPOCH)
+    }
+
+    #[test]
+    fn one_writer_wins_and_the_other_is_told() {
+        let session = session();
+        let first = session.apply(Some(Revision(0)), &[Change::Size(SizeSpec::Uniform { size: 1.0 })]).unwrap();
+        assert_eq!(first, Revision(1));
+        let stale = session.apply(Some(Revision(0)), &[Change::Size(SizeSpec::Uniform { size: 2.0 })]).unwrap_err();
+        assert_eq!(stale.reason(), Reason::StaleRevision);
+        assert!(stale.metadata().contains(&("current_revision".to_owned(), "1".to_owned())));
+    }
+
+    #[test]
+    fn snapshots_do_not_change_and_rollback_restores() {
+        let session = session();
+        let one = session.apply(None, &[Change::Size(SizeSpec::Uniform { size: 1.0 })]).unwrap();
+        let held = session.snapshot();
+        session.apply(None, &[Change::Size(SizeSpec::Uniform { size: 2.0 })]).unwrap();
+        assert_eq!(held.size, Some(SizeSpec::Uniform { size: 1.0 }));
+        let back = session.apply(None, &[Change::Rollback(one)]).unwrap();
+        assert_eq!((back, session.snapshot().size.clone()), (Revision(3), held.size.clone()));
+        assert_eq!(session.apply(None, &[Change::Rollback(Revision(99))]).unwrap_err().reason(), Reason::BadParameter);
+        assert_eq!(session.revision(), Revision(3), "a refused change changes nothing");
+    }
+
+    #[test]
+    fn history_is_bounded() {
+        let session = session();
+        for n in 0..500 {
+            session.apply(None, &[Change::Size(SizeSpec::Uniform { size: f64::from(n + 1) })]).unwrap();
+        }
+        assert_eq!(session.oldest_revision(), Revision(500 - KEPT_REVISIONS as u64 + 1));
+    }
+}

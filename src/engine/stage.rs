@@ -1,1 +1,145 @@
-//! The stage cache: content keys, a budget in bytes, one computation per key.
+//! The stages, their keys and records, and the cache that holds their outputs.
+
+pub mod cache;
+
+pub use cache::{CacheUsage, StageCache, Stored};
+
+use crate::fingerprint::{Feeder, Fingerprint};
+
+/// A step of the pipeline whose output is cached.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Stage {
+    /// File, arrays or sample to surface.
+    Import,
+    /// Adjacency and topological numbers.
+    Topology,
+    /// Search tree over the input surface.
+    SearchTree,
+    /// Feature edges and corners.
+    Features,
+    /// Faces to patches.
+    Partition,
+    /// Patches cut out, curve network traced.
+    Patches,
+    /// Factorization of the conformal operator of a patch.
+    Factor,
+    /// Map of a patch to the plane.
+    Chart,
+    /// Wanted edge length at the input's vertices.
+    Size,
+    /// One-dimensional mesh of a curve.
+    Curve,
+    /// Planar mesh of a chart.
+    Planar,
+    /// Planar mesh lifted to space.
+    Lift,
+    /// Patches joined.
+    Assembly,
+    /// Optimisation on the surface.
+    Optimize,
+    /// Quality report.
+    Quality,
+}
+
+impl Stage {
+    /// All stages in pipeline order.
+    pub const ALL: [Stage; 15] = [
+        Stage::Import,
+        Stage::Topology,
+        Stage::SearchTree,
+        Stage::Features,
+        Stage::Partition,
+        Stage::Patches,
+        Stage::Factor,
+        Stage::Chart,
+        Stage::Size,
+        Stage::Curve,
+        Stage::Planar,
+        Stage::Lift,
+        Stage::Assembly,
+        Stage::Optimize,
+        Stage::Quality,
+    ];
+
+    /// Name in records, logs and metrics.
+    pub fn name(self) -> &'static str {
+        match self {
+            Stage::Import => "import",
+            Stage::Topology => "topology",
+            Stage::SearchTree => "search_tree",
+            Stage::Features => "features",
+            Stage::Partition => "partition",
+            Stage::Patches => "patches",
+            Stage::Factor => "factor",
+            Stage::Chart => "chart",
+            Stage::Size => "size",
+            Stage::Curve => "curve",
+            Stage::Planar => "planar",
+            Stage::Lift => "lift",
+            Stage::Assembly => "assembly",
+            Stage::Optimize => "optimize",
+            Stage::Quality => "quality",
+        }
+    }
+
+    /// Version of the algorithm; part of every key, so that a changed algorithm never finds an old output.
+    fn version(self) -> u64 {
+        1
+    }
+}
+
+/// What a stage worked on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Subject {
+    /// The whole surface.
+    Surface,
+    /// A patch of the current partition.
+    Patch(u32),
+    /// A curve of the current network.
+    Curve(u32),
+}
+
+/// Key of a stage output: the stage, its algorithm version and the fingerprint of all that it depends on.
+/// Holds contents only, never names or numbers of patches and curves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct StageKey {
+    /// The stage.
+    pub stage: Stage,
+    /// Fingerprint of upstream outputs, canonical parameters and the algorithm version.
+    pub input: Fingerprint,
+}
+
+impl StageKey {
+    /// A key from what `feed` writes.
+    pub fn new(stage: Stage, feed: impl FnOnce(&mut Feeder)) -> StageKey {
+        let mut feeder = Feeder::new();
+        feeder.text(stage.name()).u64(stage.version());
+        feed(&mut feeder);
+        StageKey { stage, input: feeder.finish() }
+    }
+}
+
+/// How a stage output came about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Outcome {
+    /// It was in the cache, or somebody else was just computing it.
+    Hit,
+    /// It was computed now.
+    Run,
+}
+
+/// What one stage did for one request.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StageRecord {
+    /// The stage.
+    pub stage: Stage,
+    /// What it worked on.
+    pub subject: Subject,
+    /// Hit or run. In a plan: cached, or will run.
+    pub outcome: Outcome,
+    /// Wall time spent in this request, waiting included. In a plan 0 for hits, and for runs the mean of what this stage took
+    /// before (0 if it never ran).
+    pub milliseconds: f64,
+    /// Size of the output in memory; 0 in a plan for what will run.
+    pub bytes: u64,
+}

@@ -1,0 +1,290 @@
+//! Bulk data as plain arrays: a mesh with its columns, a chart in the plane.
+
+use crate::connection::Client;
+use crate::error::{ClientError, Result};
+use bytes::Bytes;
+use remesh_proto::v1;
+use v1::{DataColumn, read_chart_data_response, read_mesh_data_response};
+
+/// Which columns besides positions and triangles are read. Patches and features of the input cost a partition if it is not cached.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct MeshColumns {
+    /// Patch of each face.
+    pub patch: bool,
+    /// Region of each face.
+    pub region: bool,
+    /// Kappa of each face.
+    pub kappa: bool,
+    /// Feature edges.
+    pub features: bool,
+}
+
+impl MeshColumns {
+    /// Every column.
+    pub const ALL: MeshColumns = MeshColumns { patch: true, region: true, kappa: true, features: true };
+
+    fn wanted(self) -> Vec<i32> {
+        let optional = [
+            (self.patch, DataColumn::FacePatch),
+            (self.region, DataColumn::FaceRegion),
+            (self.kappa, DataColumn::FaceKappa),
+            (self.features, DataColumn::FeatureEdges),
+        ];
+        let always = [DataColumn::Positions, DataColumn::Triangles];
+        always.into_iter().chain(optional.into_iter().filter(|(on, _)| *on).map(|(_, column)| column)).map(i32::from).collect()
+    }
+}
+
+/// A mesh. Columns that were not asked for are empty.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct MeshData {
+    /// Revision of the session it belongs to.
+    pub revision: u64,
+    /// Position of each vertex, in `unit`.
+    pub positions: Vec<[f64; 3]>,
+    /// Vertices of each face.
+    pub triangles: Vec<[u32; 3]>,
+    /// Patch of each face.
+    pub patch: Vec<u32>,
+    /// Region of each face, an index into `regions`.
+    pub region: Vec<u32>,
+    /// Kappa of each face, in [0, 1].
+    pub kappa: Vec<f64>,
+    /// Feature edges (for the result also boundary edges), two vertices each.
+    pub features: Vec<[u32; 2]>,
+    /// The regions.
+    pub regions: Vec<v1::Region>,
+    /// Unit of the positions.
+    pub unit: v1::LengthUnit,
+}
+
+/// A chart: the map of one patch to the plane.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ChartData {
+    /// Its numbers.
+    pub summary: v1::ChartSummary,
+    /// Place of each local vertex in the plane.
+    pub uv: Vec<[f64; 2]>,
+    /// Local vertices of each face.
+    pub triangles: Vec<[u32; 3]>,
+    /// Vertex of the imported mesh for each local vertex.
+    pub source_vertex: Vec<u32>,
+    /// Face of the imported mesh for each local face.
+    pub source_face: Vec<u32>,
+}
+
+/// The bytes of the columns as they come in.
+#[derive(Default)]
+struct Columns(Vec<(DataColumn, Vec<u8>)>);
+
+impl Columns {
+    fn push(&mut self, chunk: &v1::DataChunk) -> Result<()> {
+        let column = chunk.column();
+        let index = match self.0.iter().position(|(c, _)| *c == column) {
+            Some(index) => index,
+            None => {
+                self.0.push((column, Vec::new()));
+                self.0.len() - 1
+            }
+        };
+        let data = &mut self.0[index].1;
+        if data.len() as u64 != chunk.offset {
+            return Err(ClientError::protocol(format!("a piece of {column:?} at byte {} where {} follows", chunk.offset, data.len())));
+        }
+        data.extend_from_slice(&chunk.data);
+        Ok(())
+    }
+
+    /// The rows of a column; `count` rows are announced for it.
+    fn take<const N: usize, T: Scalar>(&mut self, column: DataColumn, count: u64) -> Result<Vec<[T; N]>> {
+        let bytes = self.0.iter_mut().find(|(c, _)| *c == column).map(|(_, data)| std::mem::take(data)).unwrap_or_default();
+        let rows = rows(&bytes);
+        if rows.len() as u64 != count || bytes.len() as u64 != count * (N * T::BYTES) as u64 {
+            return Err(ClientError::protocol(format!("{column:?} has {} bytes where {count} rows were announced", bytes.len())));
+        }
+        Ok(rows)
+    }
+
+    fn take_flat<T: Scalar>(&mut self, column: DataColumn, count: u64) -> Result<Vec<T>> {
+        Ok(self.take::<1, T>(column, count)?.into_iter().map(|[value]| value).collect())
+    }
+}
+
+trait Scalar: Copy + Default {
+    const BYTES: usize;
+    fn read(bytes: &[u8]) -> Self;
+}
+
+impl Scalar for f64 {
+    const BYTES: usize = 8;
+    fn read(bytes: &[u8]) -> Self {
+        bytes.try_into().map(f64::from_le_bytes).unwrap_or_default()
+    }
+}
+
+impl Scalar for u32 {
+    const BYTES: usize = 4;
+    fn read(bytes: &[u8]) -> Self {
+        bytes.try_into().map(u32::from_le_bytes).unwrap_or_default()
+    }
+}
+
+/// Whole rows of packed little-endian numbers; a rest is left out.
+fn rows<const N: usize, T: Scalar>(bytes: &[u8]) -> Vec<[T; N]> {
+    let row = |chunk: &[u8]| {
+        let mut values = [T::default(); N];
+        for (value, piece) in values.iter_mut().zip(chunk.chunks_exact(T::BYTES)) {
+            *value = T::read(piece);
+        }
+        values
+    };
+    bytes.chunks_exact(N * T::BYTES).map(row).collect()
+}
+
+/// Packs numbers as the protocol wants them.
+pub(crate) fn pack_f64(values: &[f64]) -> Bytes {
+    values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>().into()
+}
+
+/// Packs indices as the protocol wants them.
+pub(crate) fn pack_u32(values: &[u32]) -> Bytes {
+    values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>().into()
+}
+
+/// Every index must name one of `count` things, so that whoever uses the arrays may index without checks.
+fn check_indices<'a>(indices: impl IntoIterator<Item = &'a u32>, count: usize, what: &str) -> Result<()> {
+    match indices.into_iter().find(|&&index| index as usize >= count) {
+        Some(index) => Err(ClientError::protocol(format!("{what} {index} of {count}"))),
+        None => Ok(()),
+    }
+}
+
+impl Client {
+    /// Reads the input or the result of a session as arrays, with the columns asked for.
+    ///
+    /// # Errors
+    /// `NO_MESH`; those of a remesh if the result is not cached.
+    pub async fn read_mesh(&self, session: &str, source: v1::MeshSource, columns: MeshColumns) -> Result<MeshData> {
+        use read_mesh_data_response::Part;
+        let request = v1::ReadMeshDataRequest {
+            session: session.to_owned(),
+            expected_revision: None,
+            source: source.into(),
+            columns: columns.wanted(),
+        };
+        let mut stream = self.meshes().read_mesh_data(request).await?.into_inner();
+        let first = stream.message().await?.ok_or_else(|| ClientError::protocol("an empty stream"))?;
+        let Some(Part::Header(header)) = first.part else { return Err(ClientError::protocol("mesh data without a header")) };
+        let mut data = Columns::default();
+        while let Some(message) = stream.message().await? {
+            let Some(Part::Chunk(chunk)) = message.part else { return Err(ClientError::protocol("mesh data with a second header")) };
+            data.push(&chunk)?;
+        }
+        mesh_of(first.revision, header, columns, data)
+    }
+
+    /// Reads the chart of a patch.
+    ///
+    /// # Errors
+    /// `PATCH_NOT_FOUND`, those of [`Client::parametrize`].
+    pub async fn read_chart(&self, session: &str, patch: u32) -> Result<ChartData> {
+        use read_chart_data_response::Part;
+        let columns = [DataColumn::Uv, DataColumn::Triangles, DataColumn::SourceVertex, DataColumn::SourceFace];
+        let request = v1::ReadChartDataRequest {
+            session: session.to_owned(),
+            expected_revision: None,
+            patch,
+            columns: columns.map(i32::from).to_vec(),
+        };
+        let mut stream = self.charts().read_chart_data(request).await?.into_inner();
+        let Some(Part::Header(header)) = stream.message().await?.and_then(|m| m.part) else {
+            return Err(ClientError::protocol("chart data without a header"));
+        };
+        let mut data = Columns::default();
+        while let Some(message) = stream.message().await? {
+            let Some(Part::Chunk(chunk)) = message.part else { return Err(ClientError::protocol("chart data with a second header")) };
+            data.push(&chunk)?;
+        }
+        chart_of(header.chart.unwrap_or_default(), data)
+    }
+}
+
+fn mesh_of(revision: u64, header: v1::MeshDataHeader, columns: MeshColumns, mut data: Columns) -> Result<MeshData> {
+    let (vertices, faces) = (header.vertices, header.faces);
+    let count = |on: bool| if on { faces } else { 0 };
+    let mesh = MeshData {
+        revision,
+        unit: header.unit(),
+        positions: data.take(DataColumn::Positions, vertices)?,
+        triangles: data.take(DataColumn::Triangles, faces)?,
+        patch: data.take_flat(DataColumn::FacePatch, count(columns.patch))?,
+        region: data.take_flat(DataColumn::FaceRegion, count(columns.region))?,
+        kappa: data.take_flat(DataColumn::FaceKappa, count(columns.kappa))?,
+        features: data.take(DataColumn::FeatureEdges, header.feature_edges)?,
+        regions: header.regions,
+    };
+    check_indices(mesh.triangles.iter().flatten(), mesh.positions.len(), "a triangle names vertex")?;
+    check_indices(mesh.features.iter().flatten(), mesh.positions.len(), "a feature edge names vertex")?;
+    // A surface without named regions has one region, whether or not the table has an entry for it.
+    check_indices(&mesh.region, mesh.regions.len().max(1), "a face names region")?;
+    Ok(mesh)
+}
+
+fn chart_of(summary: v1::ChartSummary, mut data: Columns) -> Result<ChartData> {
+    let (vertices, faces) = (summary.vertices, summary.faces);
+    let chart = ChartData {
+        uv: data.take(DataColumn::Uv, vertices)?,
+        triangles: data.take(DataColumn::Triangles, faces)?,
+        source_vertex: data.take_flat(DataColumn::SourceVertex, vertices)?,
+        source_face: data.take_flat(DataColumn::SourceFace, faces)?,
+        summary,
+    };
+    check_indices(chart.triangles.iter().flatten(), chart.uv.len(), "a triangle names vertex")?;
+    Ok(chart)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chunk(column: DataColumn, offset: u64, data: Bytes) -> v1::DataChunk {
+        v1::DataChunk { column: column.into(), offset, data }
+    }
+
+    fn tetrahedron(triangles: &[u32]) -> Columns {
+        let mut columns = Columns::default();
+        let positions = pack_f64(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.5]);
+        columns.push(&chunk(DataColumn::Positions, 0, positions.slice(..48))).expect("in order");
+        columns.push(&chunk(DataColumn::Positions, 48, positions.slice(48..))).expect("in order");
+        columns.push(&chunk(DataColumn::Triangles, 0, pack_u32(triangles))).expect("in order");
+        columns
+    }
+
+    const HEADER: fn() -> v1::MeshDataHeader = || v1::MeshDataHeader { vertices: 4, faces: 4, ..Default::default() };
+
+    #[test]
+    fn columns_come_together() {
+        let triangles = [0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3];
+        let mesh = mesh_of(7, HEADER(), MeshColumns::default(), tetrahedron(&triangles)).expect("a mesh");
+        assert_eq!((mesh.revision, mesh.positions[3], mesh.triangles[2]), (7, [0.0, 0.0, 1.5], [1, 2, 3]));
+        assert!(mesh.patch.is_empty() && mesh.kappa.is_empty());
+    }
+
+    #[test]
+    fn broken_streams_are_refused() {
+        let mut columns = tetrahedron(&[0, 2, 1]);
+        assert!(columns.push(&chunk(DataColumn::Triangles, 4, Bytes::new())).is_err(), "a gap");
+        assert!(mesh_of(0, HEADER(), MeshColumns::default(), columns).is_err(), "too few rows");
+        let bad = tetrahedron(&[0, 2, 1, 0, 1, 3, 1, 2, 4, 2, 0, 3]);
+        assert!(mesh_of(0, HEADER(), MeshColumns::default(), bad).is_err(), "an index out of range");
+        let absent = tetrahedron(&[0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3]);
+        let wanted = MeshColumns { kappa: true, ..Default::default() };
+        assert!(mesh_of(0, HEADER(), wanted, absent).is_err(), "a column is missing");
+    }
+
+    #[test]
+    fn only_wanted_columns_are_asked_for() {
+        assert_eq!(MeshColumns::default().wanted().len(), 2);
+        assert_eq!(MeshColumns::ALL.wanted().len(), 6);
+    }
+}

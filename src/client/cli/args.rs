@@ -1,0 +1,602 @@
+//! The command line of `remesh`, as clap sees it.
+
+use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+use std::time::Duration;
+
+const AFTER_HELP: &str = "\
+Exit codes:
+  0    done
+  1    failed
+  2    the command line is wrong
+  3    the surface cannot be remeshed; the diagnosis says why and where
+  4    the daemon cannot be reached
+  130  interrupted (the work is cancelled, on the daemon too)
+
+Environment:
+  REMESH_ENDPOINT  daemon to use when --endpoint is not given, as in http://127.0.0.1:7077
+
+Without an endpoint the work is done inside this process. The verbs that take a SESSION need a running daemon (`remeshd`),
+because a session lives in it.";
+
+/// Remeshes surface triangulations: poor triangles in, good triangles out, features and regions kept.
+#[derive(Debug, Parser)]
+#[command(name = "remesh", version, after_help = AFTER_HELP, max_term_width = 120, arg_required_else_help = true)]
+pub(crate) struct Cli {
+    #[command(flatten)]
+    pub(crate) global: GlobalArgs,
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+/// Options of every command.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct GlobalArgs {
+    /// Daemon to use, as in http://127.0.0.1:7077 or unix:///run/remeshd.sock
+    #[arg(long, global = true, value_name = "URL")]
+    pub(crate) endpoint: Option<String>,
+    /// Print one JSON object on standard output instead of text
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
+    /// No progress bars, and no summary of what succeeded
+    #[arg(long, short, global = true)]
+    pub(crate) quiet: bool,
+    /// Threads that compute, when the work is done inside this process; default: all cores
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub(crate) threads: Option<u32>,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Remesh a file: the one command most people need
+    Run(RunArgs),
+    /// Measure a mesh: kappa, angles, tau, distance to the input, topology, self-intersections
+    Quality(QualityArgs),
+    /// Tell what is wrong with a surface, and where (exit code 3 if it cannot be remeshed)
+    Diagnose(DiagnoseArgs),
+    /// Write a generated, deliberately poor surface to try things on
+    Sample(SampleArgs),
+    /// Draw a surface, a chart or the quality histogram as PNG; needs no display
+    Render(RenderArgs),
+    /// Create, list, show and delete sessions of a daemon
+    Session(SessionArgs),
+    /// Read a file into a session
+    Import(ImportCommand),
+    /// Change inputs of a session; what is not named stays
+    Set(SetArgs),
+    /// Partition the surface of a session into patches
+    Partition(SessionName),
+    /// Map the patches of a session to the plane
+    Chart(PatchesArgs),
+    /// Remesh the surface of a session, or mesh some patches of it
+    Remesh(PatchesArgs),
+    /// Tell what a remesh would find in the cache and what it would compute
+    Plan(SessionName),
+    /// Write the result (or the input) of a session to a file
+    Export(ExportArgs),
+    /// Go back to the inputs of an earlier revision of a session
+    Rollback(RollbackArgs),
+    /// Tell version, limits and cache usage of the daemon
+    Status,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct RunArgs {
+    /// Surface to remesh: STL, OBJ, PLY, OFF, MSH (2.2, 4.1), glTF/GLB
+    #[arg(value_name = "IN")]
+    pub(crate) input: PathBuf,
+    /// File to write; its extension tells the format (also .vtu, which carries patch, region and kappa of each face)
+    #[arg(long, short, value_name = "OUT")]
+    pub(crate) output: PathBuf,
+    /// Variant of the format: ascii, binary, or msh22 (MSH 2.2)
+    #[arg(long)]
+    pub(crate) encoding: Option<Encoding>,
+    #[command(flatten)]
+    pub(crate) size: SizeArgs,
+    #[command(flatten)]
+    pub(crate) import: ImportArgs,
+    #[command(flatten)]
+    pub(crate) inputs: InputArgs,
+    /// Also measure distances to the input and self-intersections
+    #[arg(long)]
+    pub(crate) quality: bool,
+    /// Draw the histogram of kappa before and after
+    #[arg(long, value_name = "PNG")]
+    pub(crate) before_after: Option<PathBuf>,
+}
+
+/// Which edge lengths are wanted, in the unit of the mesh.
+#[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "Size (one of --size, --triangles, --sizes, or --min-size with --max-size and --growth-rate)")]
+pub(crate) struct SizeArgs {
+    /// Edge length everywhere
+    #[arg(long, value_name = "LENGTH", value_parser = positive)]
+    pub(crate) size: Option<f64>,
+    /// About this many triangles, of equal size
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub(crate) triangles: Option<u64>,
+    /// Text file with one length for each vertex of the imported mesh, in order
+    #[arg(long, value_name = "FILE")]
+    pub(crate) sizes: Option<PathBuf>,
+    /// Length at features and boundary; with --sizes a lower bound
+    #[arg(long, value_name = "LENGTH", value_parser = positive)]
+    pub(crate) min_size: Option<f64>,
+    /// Largest length
+    #[arg(long, value_name = "LENGTH", value_parser = positive)]
+    pub(crate) max_size: Option<f64>,
+    /// Largest ratio of the lengths of neighbouring elements, as in 1.2
+    #[arg(long, value_name = "RATIO", value_parser = positive)]
+    pub(crate) growth_rate: Option<f64>,
+}
+
+/// How the file is read.
+#[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "Reading")]
+pub(crate) struct ImportArgs {
+    /// Format of the file; default: found by its content
+    #[arg(long, value_name = "FORMAT")]
+    pub(crate) format: Option<ReadFormat>,
+    /// Keep only this region (name or number); may be repeated
+    #[arg(long, value_name = "NAME|ID", action = ArgAction::Append)]
+    pub(crate) only_region: Vec<String>,
+    /// Unit of the coordinates, for formats that do not tell it; never guessed
+    #[arg(long, value_name = "UNIT")]
+    pub(crate) unit: Option<Unit>,
+    /// Join vertices closer than this share of the bounding box diagonal; default 0: only equal ones
+    #[arg(long, value_name = "SHARE", value_parser = not_negative)]
+    pub(crate) weld_tolerance: Option<f64>,
+    /// What of an OBJ file becomes the regions
+    #[arg(long, value_name = "WHAT")]
+    pub(crate) obj_regions: Option<ObjRegions>,
+}
+
+/// The other inputs.
+#[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "Method")]
+pub(crate) struct InputArgs {
+    /// Edges whose faces' normals differ by at least this many degrees are kept; `none` finds no edges by angle [default: 40]
+    #[arg(long, value_name = "DEGREES|none", value_parser = feature_angle)]
+    pub(crate) feature_angle: Option<FeatureAngle>,
+    /// Drop chains of sharp edges shorter than this share of the bounding box diagonal [default: 0.02]
+    #[arg(long, value_name = "SHARE", value_parser = not_negative)]
+    pub(crate) min_chain: Option<f64>,
+    /// Let borders between regions move by about half an element
+    #[arg(long, conflicts_with = "keep_region_borders")]
+    pub(crate) ignore_region_borders: bool,
+    /// Keep borders between regions (the default)
+    #[arg(long)]
+    pub(crate) keep_region_borders: bool,
+    /// Text file with two vertex numbers (from 0) on each line: edges that are kept whatever their angle
+    #[arg(long, value_name = "FILE")]
+    pub(crate) feature_edges: Option<PathBuf>,
+    /// Wanted number of patches; more are made where topology or features ask for it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) patches: Option<u32>,
+    /// Split patches until none has more faces than this [default: 12000]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) max_patch_faces: Option<u32>,
+    /// Bound on pi A / L^2 of a patch (A its area, L its longest border) [default: 4]
+    #[arg(long, value_name = "RATIO", value_parser = positive)]
+    pub(crate) max_aspect_ratio: Option<f64>,
+    /// Map of the patches to the plane [default: auto, the first of the others that is bijective]
+    #[arg(long, value_name = "METHOD")]
+    pub(crate) chart: Option<ChartMethod>,
+    /// Rounds of optimisation across patch borders; 0 leaves the mesh as it was joined [default: 5]
+    #[arg(long, value_name = "N")]
+    pub(crate) rounds: Option<u32>,
+    /// Chase triangles of lower kappa one by one afterwards [default: 0.5]
+    #[arg(long, value_name = "KAPPA", value_parser = not_negative)]
+    pub(crate) min_kappa: Option<f64>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct QualityArgs {
+    /// Mesh to compare with
+    #[arg(value_name = "INPUT", required_unless_present = "session", requires = "output")]
+    pub(crate) input: Option<PathBuf>,
+    /// Mesh to measure, from whatever tool
+    #[arg(value_name = "OUTPUT")]
+    pub(crate) output: Option<PathBuf>,
+    /// Measure the result of this session instead of files
+    #[arg(long, value_parser = session_name, conflicts_with_all = ["input", "output", "size", "ImportArgs"])]
+    pub(crate) session: Option<String>,
+    /// Wanted edge length, for tau
+    #[arg(long, value_name = "LENGTH", value_parser = positive)]
+    pub(crate) size: Option<f64>,
+    /// Only elements and topology: no distances, no self-intersections
+    #[arg(long)]
+    pub(crate) elements_only: bool,
+    #[command(flatten)]
+    pub(crate) import: ImportArgs,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct DiagnoseArgs {
+    /// Surface to look at
+    #[arg(value_name = "FILE", required_unless_present = "session")]
+    pub(crate) file: Option<PathBuf>,
+    /// Look at the mesh of this session instead
+    #[arg(long, value_parser = session_name, conflicts_with_all = ["file", "ImportArgs"])]
+    pub(crate) session: Option<String>,
+    /// Places to print for each kind of defect, at most 100
+    #[arg(long, value_name = "N", default_value_t = 5)]
+    pub(crate) places: usize,
+    #[command(flatten)]
+    pub(crate) import: ImportArgs,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct SampleArgs {
+    #[command(flatten)]
+    pub(crate) sample: SampleSpecArgs,
+    /// File to write; its extension tells the format
+    #[arg(long, short, value_name = "OUT")]
+    pub(crate) output: PathBuf,
+    /// Variant of the format
+    #[arg(long)]
+    pub(crate) encoding: Option<Encoding>,
+}
+
+/// Which surface to generate.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct SampleSpecArgs {
+    /// Surface to generate
+    #[arg(value_name = "NAME")]
+    pub(crate) name: SampleName,
+    /// About how many triangles [default: 20000]
+    #[arg(long, value_name = "N", conflicts_with = "resolution", value_parser = clap::value_parser!(u64).range(1..))]
+    pub(crate) triangles: Option<u64>,
+    /// The same as a linear measure: about 2 N^2 triangles, as N by N squares have
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    pub(crate) resolution: Option<u64>,
+    /// Handles of the pelvis, vanes of the brake
+    #[arg(long, value_name = "N")]
+    pub(crate) genus: Option<u32>,
+    /// Outlets of the artery
+    #[arg(long, value_name = "N")]
+    pub(crate) outlets: Option<u32>,
+    /// Height over diameter of the tube
+    #[arg(long, value_name = "RATIO", value_parser = positive)]
+    pub(crate) aspect_ratio: Option<f64>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct RenderArgs {
+    /// Surface to draw
+    #[arg(value_name = "FILE", required_unless_present = "session")]
+    pub(crate) file: Option<PathBuf>,
+    /// Draw the surface of this session instead of a file
+    #[arg(long, value_parser = session_name, conflicts_with_all = ["file", "SizeArgs", "ImportArgs", "InputArgs"])]
+    pub(crate) session: Option<String>,
+    /// PNG to write
+    #[arg(long, short, value_name = "PNG")]
+    pub(crate) output: PathBuf,
+    /// What the colours tell
+    #[arg(long, value_name = "WHAT", default_value = "patch")]
+    pub(crate) by: ColourBy,
+    /// Draw the edges of the triangles (a chart always has them)
+    #[arg(long)]
+    pub(crate) edges: bool,
+    /// Draw the remeshed surface, not the input (of a file: needs a size)
+    #[arg(long)]
+    pub(crate) result: bool,
+    /// Draw the chart of this patch in the plane
+    #[arg(long, value_name = "PATCH", conflicts_with_all = ["result", "histogram"])]
+    pub(crate) chart: Option<u32>,
+    /// Draw the histogram of kappa before and after remeshing (of a file: needs a size)
+    #[arg(long, conflicts_with = "result")]
+    pub(crate) histogram: bool,
+    /// Which axis points up
+    #[arg(long, value_name = "AXIS", default_value = "z")]
+    pub(crate) up: Up,
+    /// Direction to look from, around the axis that points up
+    #[arg(long, value_name = "DEGREES", default_value_t = -50.0, allow_negative_numbers = true)]
+    pub(crate) azimuth: f64,
+    /// Direction to look from, above the horizon
+    #[arg(long, value_name = "DEGREES", default_value_t = 28.0, allow_negative_numbers = true)]
+    pub(crate) elevation: f64,
+    /// Width of the picture
+    #[arg(long, value_name = "PIXELS", default_value_t = 1200, value_parser = clap::value_parser!(u32).range(200..=8192))]
+    pub(crate) width: u32,
+    /// Height of the picture
+    #[arg(long, value_name = "PIXELS", default_value_t = 900, value_parser = clap::value_parser!(u32).range(200..=8192))]
+    pub(crate) height: u32,
+    #[command(flatten)]
+    pub(crate) size: SizeArgs,
+    #[command(flatten)]
+    pub(crate) import: ImportArgs,
+    #[command(flatten)]
+    pub(crate) inputs: InputArgs,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct SessionArgs {
+    #[command(subcommand)]
+    pub(crate) verb: SessionVerb,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum SessionVerb {
+    /// Open an empty session and print its name
+    Create {
+        /// What to call it, for people
+        #[arg(long, default_value = "")]
+        name: String,
+        /// How long it lives unused, as in 90s, 30m, 2h, 1d
+        #[arg(long, value_parser = duration)]
+        ttl: Option<Duration>,
+    },
+    /// List the sessions
+    List,
+    /// Show mesh and inputs of a session
+    Show(SessionName),
+    /// End a session
+    Delete(SessionName),
+    /// Set how long a session lives unused
+    SetTtl {
+        #[command(flatten)]
+        session: SessionName,
+        /// As in 90s, 30m, 2h, 1d
+        #[arg(value_parser = duration)]
+        ttl: Duration,
+    },
+}
+
+/// A session.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct SessionName {
+    /// `sessions/ID`, or only the ID
+    #[arg(value_name = "SESSION", value_parser = session_name)]
+    pub(crate) session: String,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ImportCommand {
+    #[command(flatten)]
+    pub(crate) session: SessionName,
+    /// Surface to read
+    #[arg(value_name = "FILE")]
+    pub(crate) file: PathBuf,
+    #[command(flatten)]
+    pub(crate) import: ImportArgs,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct SetArgs {
+    #[command(flatten)]
+    pub(crate) session: SessionName,
+    #[command(flatten)]
+    pub(crate) size: SizeArgs,
+    #[command(flatten)]
+    pub(crate) inputs: InputArgs,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct PatchesArgs {
+    #[command(flatten)]
+    pub(crate) session: SessionName,
+    /// Only this patch; may be repeated
+    #[arg(long = "patch", value_name = "N", action = ArgAction::Append)]
+    pub(crate) patches: Vec<u32>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ExportArgs {
+    #[command(flatten)]
+    pub(crate) session: SessionName,
+    /// File to write; its extension tells the format
+    #[arg(long, short, value_name = "OUT")]
+    pub(crate) output: PathBuf,
+    /// Write the input, as imported, instead of the result
+    #[arg(long)]
+    pub(crate) input: bool,
+    /// Variant of the format
+    #[arg(long)]
+    pub(crate) encoding: Option<Encoding>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct RollbackArgs {
+    #[command(flatten)]
+    pub(crate) session: SessionName,
+    /// The revision whose inputs are wanted back
+    #[arg(value_name = "REVISION")]
+    pub(crate) revision: u64,
+}
+
+/// Sharp edges by angle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum FeatureAngle {
+    /// At least so many degrees.
+    Degrees(f64),
+    /// None.
+    None,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Encoding {
+    Ascii,
+    Binary,
+    Msh22,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ReadFormat {
+    Stl,
+    Obj,
+    Ply,
+    Off,
+    Msh,
+    #[value(alias = "glb")]
+    Gltf,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Unit {
+    M,
+    Cm,
+    Mm,
+    #[value(alias = "micrometre", alias = "micron")]
+    Um,
+    Inch,
+    Foot,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ObjRegions {
+    Group,
+    Object,
+    Material,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ChartMethod {
+    Auto,
+    Spectral,
+    Lscm,
+    MeanValue,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ColourBy {
+    Patch,
+    Kappa,
+    Region,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Up {
+    Y,
+    Z,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SampleName {
+    /// Arterial tree with open outlets, marching cubes style
+    Artery,
+    /// Closed body with handles, marching cubes style
+    Pelvis,
+    /// Ventilated brake disc of high genus
+    Brake,
+    /// CAD part with sharp edges, slivers and named regions
+    #[value(alias = "cad")]
+    CadPart,
+    /// Tube, open at both ends
+    Tube,
+}
+
+fn number(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    if value.is_finite() { Ok(value) } else { Err("not finite".into()) }
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    number(text).and_then(|value| if value > 0.0 { Ok(value) } else { Err("must be greater than 0".into()) })
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    number(text).and_then(|value| if value >= 0.0 { Ok(value) } else { Err("must not be negative".into()) })
+}
+
+fn feature_angle(text: &str) -> Result<FeatureAngle, String> {
+    if text.eq_ignore_ascii_case("none") {
+        return Ok(FeatureAngle::None);
+    }
+    match number(text) {
+        Ok(value) if value > 0.0 && value < 180.0 => Ok(FeatureAngle::Degrees(value)),
+        _ => Err("must be between 0 and 180 degrees, or `none`".into()),
+    }
+}
+
+fn session_name(text: &str) -> Result<String, String> {
+    let id = text.strip_prefix("sessions/").unwrap_or(text);
+    if id.is_empty() || id.contains('/') || id.chars().any(char::is_whitespace) {
+        return Err("expected sessions/ID or ID".into());
+    }
+    Ok(format!("sessions/{id}"))
+}
+
+/// `90`, `90s`, `30m`, `2h`, `1d`.
+fn duration(text: &str) -> Result<Duration, String> {
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let unit: u64 = match &text[digits.len()..] {
+        "" | "s" => 1,
+        "m" | "min" => 60,
+        "h" => 3600,
+        "d" => 86_400,
+        other => return Err(format!("unknown unit '{other}'; use s, m, h or d")),
+    };
+    let count: u64 = digits.parse().map_err(|_| "expected a time such as 90s, 30m, 2h or 1d".to_owned())?;
+    match count.checked_mul(unit) {
+        Some(seconds) if seconds > 0 && seconds <= u64::from(u32::MAX) => Ok(Duration::from_secs(seconds)),
+        _ => Err("out of range".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    fn parse(line: &str) -> Result<Cli, clap::Error> {
+        Cli::try_parse_from(line.split(' '))
+    }
+
+    #[test]
+    fn the_definition_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn run_takes_all_its_options() {
+        let line = "remesh run in.stl -o out.msh --min-size 0.1 --max-size 2 --growth-rate 1.2 --feature-angle none --unit mm \
+                    --only-region inlet --only-region 7 --patches 12 --chart mean-value --rounds 0 --quality --before-after a.png \
+                    --encoding msh22 --threads 2 --json";
+        let cli = parse(&line.split_whitespace().collect::<Vec<_>>().join(" ")).expect("valid");
+        assert!(cli.global.json && cli.global.threads == Some(2));
+        let Command::Run(run) = cli.command else { panic!("run expected") };
+        assert_eq!(run.inputs.feature_angle, Some(FeatureAngle::None));
+        assert_eq!((run.size.min_size, run.size.growth_rate, run.size.size), (Some(0.1), Some(1.2), None));
+        assert_eq!(run.import.only_region, ["inlet", "7"]);
+        assert_eq!((run.inputs.chart, run.inputs.rounds), (Some(ChartMethod::MeanValue), Some(0)));
+    }
+
+    #[test]
+    fn values_out_of_range_are_usage_errors() {
+        for bad in [
+            "remesh run a.stl -o b.stl --size 0",
+            "remesh run a.stl -o b.stl --size nan",
+            "remesh run a.stl -o b.stl --triangles 0",
+            "remesh run a.stl -o b.stl --feature-angle 180",
+            "remesh run a.stl --size 1",
+            "remesh run a.stl -o b.stl --size 1 --threads 0",
+            "remesh quality a.stl",
+            "remesh quality",
+            "remesh sample artery --triangles 5 --resolution 5 -o a.stl",
+            "remesh sample cow -o a.stl",
+            "remesh session set-ttl x 5y",
+            "remesh plan a/b",
+            "remesh render a.stl -o a.png --chart 1 --histogram",
+        ] {
+            assert!(parse(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn names_and_times_are_read() {
+        assert_eq!(session_name("abc"), Ok("sessions/abc".into()));
+        assert_eq!(session_name("sessions/abc"), Ok("sessions/abc".into()));
+        assert_eq!(duration("90"), Ok(Duration::from_secs(90)));
+        assert_eq!(duration("2h"), Ok(Duration::from_secs(7200)));
+        assert!(duration("0").is_err() && duration("h").is_err() && duration("99999999999d").is_err());
+    }
+
+    #[test]
+    fn quality_takes_files_or_a_session() {
+        assert!(parse("remesh quality a.stl b.stl --size 1").is_ok());
+        assert!(parse("remesh quality --session s").is_ok());
+        assert!(parse("remesh quality --session s a.stl b.stl").is_err());
+        assert!(parse("remesh diagnose --session s").is_ok());
+        assert!(parse("remesh diagnose").is_err());
+    }
+}

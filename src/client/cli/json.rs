@@ -1,0 +1,272 @@
+//! Messages as JSON for `--json`: the field names of the protocol, enums in lower case, absent fields as null.
+
+use super::failure::Failure;
+use super::stages::{self, Group};
+use super::summary;
+use crate::error::Place;
+use crate::v1;
+use serde_json::{Value, json};
+
+fn point(point: &Option<v1::Point>) -> Value {
+    point.as_ref().map_or(Value::Null, |p| json!([p.x, p.y, p.z]))
+}
+
+/// `SOME_PREFIX_NAME` as `name`.
+fn enum_name(name: &str, prefix: &str) -> String {
+    name.strip_prefix(prefix).unwrap_or(name).to_ascii_lowercase()
+}
+
+fn place(place: &Place) -> Value {
+    json!({ "element": format!("{:?}", place.element).to_ascii_lowercase(), "ids": place.ids, "position": place.position })
+}
+
+pub(crate) fn mesh(mesh: &v1::MeshSummary) -> Value {
+    let regions: Vec<Value> = mesh.regions.iter().map(|r| json!({ "id": r.id, "name": r.name })).collect();
+    json!({
+        "vertices": mesh.vertices,
+        "faces": mesh.faces,
+        "regions": regions,
+        "unit": summary::unit_name(mesh.unit()),
+        "low": point(&mesh.low),
+        "high": point(&mesh.high),
+    })
+}
+
+pub(crate) fn report(report: &v1::ImportReport) -> Value {
+    json!({
+        "format": report.format,
+        "faces_read": report.faces_read,
+        "vertices_read": report.vertices_read,
+        "vertices_welded": report.vertices_welded,
+        "duplicate_faces_dropped": report.duplicate_faces_dropped,
+        "degenerate_faces_dropped": report.degenerate_faces_dropped,
+        "unused_vertices_dropped": report.unused_vertices_dropped,
+        "faces_flipped": report.faces_flipped,
+        "vertices_split": report.vertices_split,
+        "warnings": report.warnings,
+    })
+}
+
+pub(crate) fn topology(numbers: &v1::TopologyNumbers) -> Value {
+    json!({
+        "euler": numbers.euler,
+        "components": numbers.components,
+        "boundary_loops": numbers.boundary_loops,
+        "genus": numbers.genus,
+        "non_manifold_edges": numbers.non_manifold_edges,
+        "non_manifold_vertices": numbers.non_manifold_vertices,
+        "inconsistent_edges": numbers.inconsistent_edges,
+    })
+}
+
+fn finding(finding: &v1::Finding) -> Value {
+    let places: Vec<Value> = finding.locations.iter().map(|location| place(&Place::from(location))).collect();
+    json!({
+        "defect": enum_name(finding.defect().as_str_name(), "DEFECT_"),
+        "count": finding.count,
+        "prevents_remeshing": finding.prevents_remeshing,
+        "locations": places,
+    })
+}
+
+pub(crate) fn diagnosis(diagnosis: &v1::Diagnosis) -> Value {
+    json!({
+        "remeshable": diagnosis.remeshable,
+        "findings": diagnosis.findings.iter().map(finding).collect::<Vec<_>>(),
+        "topology": diagnosis.topology.as_ref().map(topology),
+        "low": point(&diagnosis.low),
+        "high": point(&diagnosis.high),
+        "area": diagnosis.area,
+    })
+}
+
+pub(crate) fn shape(shape: &v1::ShapeQuality) -> Value {
+    json!({
+        "vertices": shape.vertices,
+        "triangles": shape.triangles,
+        "kappa_min": shape.kappa_min,
+        "kappa_mean": shape.kappa_mean,
+        "kappa_p01": shape.kappa_p01,
+        "kappa_histogram": shape.kappa_histogram,
+        "min_angle": shape.min_angle,
+        "mean_min_angle": shape.mean_min_angle,
+        "max_angle": shape.max_angle,
+        "skewness_mean": shape.skewness_mean,
+        "skewness_max": shape.skewness_max,
+        "tau": shape.tau,
+        "edge_ratio_ok": shape.edge_ratio_ok,
+    })
+}
+
+fn fidelity(fidelity: &v1::Fidelity) -> Value {
+    json!({
+        "diagonal": fidelity.diagonal,
+        "hausdorff_max_rel": fidelity.hausdorff_max_rel,
+        "hausdorff_rms_rel": fidelity.hausdorff_rms_rel,
+        "out_to_in_max_rel": fidelity.out_to_in_max_rel,
+        "in_to_out_max_rel": fidelity.in_to_out_max_rel,
+        "boundary_deviation_rel": fidelity.boundary_deviation_rel,
+        "area_ratio": fidelity.area_ratio,
+    })
+}
+
+pub(crate) fn quality(report: &v1::QualityReport) -> Value {
+    json!({
+        "shape": report.shape.as_ref().map(shape),
+        "input_shape": report.input_shape.as_ref().map(shape),
+        "fidelity": report.fidelity.as_ref().map(fidelity),
+        "topology_input": report.topology_input.as_ref().map(topology),
+        "topology_output": report.topology_output.as_ref().map(topology),
+        "topology_kept": report.topology_kept,
+        "self_intersections": report.self_intersections,
+        "intersecting_pairs": report.intersecting_pairs.iter().map(|pair| [pair.first, pair.second]).collect::<Vec<_>>(),
+        "worst_faces": report.worst_faces,
+    })
+}
+
+fn group(group: &Group) -> Value {
+    json!({ "name": group.name, "hits": group.hits, "runs": group.runs, "milliseconds": group.milliseconds })
+}
+
+/// What stages did, by groups.
+pub(crate) fn work(milliseconds: f64, groups: &[Group]) -> Value {
+    json!({
+        "milliseconds": milliseconds,
+        "hits": groups.iter().map(|g| g.hits).sum::<u64>(),
+        "runs": groups.iter().map(|g| g.runs).sum::<u64>(),
+        "groups": groups.iter().map(group).collect::<Vec<_>>(),
+    })
+}
+
+/// What one call did.
+pub(crate) fn run(summary: &Option<v1::RunSummary>) -> Value {
+    summary.as_ref().map_or(Value::Null, |s| work(s.milliseconds, &stages::groups(&s.stages)))
+}
+
+pub(crate) fn patch(patch: &v1::PatchSummary) -> Value {
+    json!({
+        "patch": patch.patch,
+        "faces": patch.faces,
+        "area": patch.area,
+        "loops": patch.loops,
+        "genus": patch.genus,
+        "border_length": patch.border_length,
+        "aspect_ratio": patch.aspect_ratio,
+    })
+}
+
+pub(crate) fn chart(chart: &v1::ChartSummary) -> Value {
+    let attempt = |attempt: &v1::ChartAttempt| {
+        json!({
+            "method": summary::chart_method_name(attempt.method()),
+            "flipped": attempt.flipped,
+            "overlaps": attempt.overlaps,
+            "rejected": attempt.rejected,
+        })
+    };
+    let distortion = chart.distortion.unwrap_or_default();
+    json!({
+        "patch": chart.patch,
+        "method": summary::chart_method_name(chart.method()),
+        "attempts": chart.attempts.iter().map(attempt).collect::<Vec<_>>(),
+        "angle_mean": distortion.angle_mean,
+        "angle_max": distortion.angle_max,
+        "area_min": distortion.area_min,
+        "area_max": distortion.area_max,
+        "vertices": chart.vertices,
+        "faces": chart.faces,
+    })
+}
+
+fn inputs(inputs: &v1::SessionInputs) -> Value {
+    use v1::feature_spec::SharpEdges;
+    use v1::size_spec::Size;
+    let features = inputs.features.clone().unwrap_or_default();
+    let partition = inputs.partition.unwrap_or_default();
+    let optimize = inputs.optimize.unwrap_or_default();
+    let size = inputs.size.as_ref().and_then(|size| size.size.as_ref()).map(|size| match size {
+        Size::Uniform(length) => json!({ "uniform": length }),
+        Size::Triangles(count) => json!({ "triangles": count }),
+        Size::Graded(g) => json!({ "min_size": g.min_size, "max_size": g.max_size, "growth_rate": g.growth_rate }),
+        Size::PerVertex(p) => {
+            json!({ "per_vertex": true, "min_size": p.min_size, "max_size": p.max_size, "growth_rate": p.growth_rate })
+        }
+    });
+    json!({
+        "feature_angle": match features.sharp_edges {
+            Some(SharpEdges::FeatureAngle(degrees)) => json!(degrees),
+            Some(SharpEdges::NoSharpEdges(true)) => json!("none"),
+            _ => Value::Null,
+        },
+        "min_chain_share": features.min_chain_share,
+        "region_borders": if features.region_borders() == v1::RegionBorders::Ignore { "ignore" } else { "keep" },
+        "explicit_edges": features.explicit_edges.is_some(),
+        "patches": partition.patches,
+        "max_patch_faces": partition.max_patch_faces,
+        "max_aspect_ratio": partition.max_aspect_ratio,
+        "chart": summary::chart_method_name(inputs.charts.unwrap_or_default().method()),
+        "size": size,
+        "rounds": optimize.rounds,
+        "min_kappa": optimize.min_kappa,
+    })
+}
+
+pub(crate) fn session(session: &v1::Session) -> Value {
+    json!({
+        "name": session.name,
+        "display_name": session.display_name,
+        "revision": session.revision,
+        "oldest_revision": session.oldest_revision,
+        "create_time": session.create_time.map(|t| t.seconds),
+        "expire_time": session.expire_time.map(|t| t.seconds),
+        "ttl_seconds": session.ttl.map(|t| t.seconds),
+        "mesh": session.mesh.as_ref().map(mesh),
+        "inputs": session.inputs.as_ref().map(inputs),
+    })
+}
+
+/// The object that a failed command prints.
+pub(crate) fn failure(failure: &Failure) -> Value {
+    let mut error = json!({ "message": failure.to_string(), "exit_code": failure.exit_code() });
+    match failure {
+        Failure::Client(client) => {
+            if let Some(call) = client.call() {
+                error["message"] = json!(call.message);
+                error["code"] = json!(format!("{:?}", call.code));
+                error["reason"] = json!(call.reason);
+                error["hint"] = json!(call.hint);
+                error["metadata"] = json!(call.metadata);
+                let fields = call.fields.iter().map(|f| json!({ "field": f.field, "description": f.description }));
+                error["fields"] = fields.collect();
+                error["retry_after_seconds"] = json!(call.retry_after.map(|wait| wait.as_secs_f64()));
+                error["locations"] = call.places.iter().map(place).collect();
+                error["location_total"] = json!(call.place_total);
+            }
+        }
+        Failure::Refused { diagnosis: found, .. } => error["diagnosis"] = diagnosis(found),
+        _ => {}
+    }
+    json!({ "error": error })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_and_absent_values() {
+        let found = v1::Finding { defect: v1::Defect::NonManifoldEdge.into(), count: 2, ..Default::default() };
+        assert_eq!(finding(&found)["defect"], "non_manifold_edge");
+        assert_eq!(shape(&v1::ShapeQuality::default())["tau"], Value::Null);
+        let spec = v1::FeatureSpec { sharp_edges: Some(v1::feature_spec::SharpEdges::NoSharpEdges(true)), ..Default::default() };
+        let given = v1::SessionInputs { features: Some(spec), ..Default::default() };
+        assert_eq!((inputs(&given)["feature_angle"].as_str(), inputs(&given)["size"].is_null()), (Some("none"), true));
+    }
+
+    #[test]
+    fn failures_are_objects() {
+        let refused = Failure::Refused { what: "a".into(), diagnosis: Box::default() };
+        let object = failure(&refused);
+        assert_eq!((object["error"]["exit_code"].as_u64(), object["error"]["diagnosis"]["remeshable"].as_bool()), (Some(3), Some(false)));
+    }
+}

@@ -1,0 +1,256 @@
+//! From options of the command line to the specs of the protocol.
+
+use super::args::{ChartMethod, Encoding, FeatureAngle, ImportArgs, InputArgs, ObjRegions, ReadFormat, SampleName, SampleSpecArgs, SizeArgs, Unit};
+use super::failure::{Failure, Outcome};
+use super::files;
+use crate::arrays::{pack_f64, pack_u32};
+use crate::{Client, v1};
+use bytes::Bytes;
+use std::path::Path;
+use v1::change::Change;
+use v1::packed_array::Data;
+use v1::size_spec::Size;
+
+/// Arrays up to this size travel in the message, larger ones as a blob.
+const INLINE_BYTES: usize = 1 << 20;
+
+pub(crate) fn import_options(args: &ImportArgs) -> v1::ImportOptions {
+    let format = args.format.map_or(v1::MeshFormat::Unspecified, |format| match format {
+        ReadFormat::Stl => v1::MeshFormat::Stl,
+        ReadFormat::Obj => v1::MeshFormat::Obj,
+        ReadFormat::Ply => v1::MeshFormat::Ply,
+        ReadFormat::Off => v1::MeshFormat::Off,
+        ReadFormat::Msh => v1::MeshFormat::Msh,
+        ReadFormat::Gltf => v1::MeshFormat::Gltf,
+    });
+    let unit = args.unit.map_or(v1::LengthUnit::Unspecified, |unit| match unit {
+        Unit::M => v1::LengthUnit::Metre,
+        Unit::Cm => v1::LengthUnit::Centimetre,
+        Unit::Mm => v1::LengthUnit::Millimetre,
+        Unit::Um => v1::LengthUnit::Micrometre,
+        Unit::Inch => v1::LengthUnit::Inch,
+        Unit::Foot => v1::LengthUnit::Foot,
+    });
+    let regions = args.obj_regions.map_or(v1::ObjRegions::Unspecified, |what| match what {
+        ObjRegions::Group => v1::ObjRegions::Group,
+        ObjRegions::Object => v1::ObjRegions::Object,
+        ObjRegions::Material => v1::ObjRegions::Material,
+    });
+    v1::ImportOptions {
+        format: format.into(),
+        weld_tolerance: args.weld_tolerance.unwrap_or_default(),
+        assume_unit: unit.into(),
+        obj_regions: regions.into(),
+        only_regions: args.only_region.clone(),
+    }
+}
+
+pub(crate) fn sample_spec(args: &SampleSpecArgs) -> v1::SampleSpec {
+    let kind = match args.name {
+        SampleName::Artery => v1::SampleKind::Artery,
+        SampleName::Pelvis => v1::SampleKind::Pelvis,
+        SampleName::Brake => v1::SampleKind::Brake,
+        SampleName::CadPart => v1::SampleKind::CadPart,
+        SampleName::Tube => v1::SampleKind::Tube,
+    };
+    v1::SampleSpec {
+        kind: kind.into(),
+        triangles: args.triangles.or(args.resolution.map(|n| 2 * n * n)),
+        genus: args.genus,
+        outlets: args.outlets,
+        aspect_ratio: args.aspect_ratio,
+    }
+}
+
+pub(crate) fn encoding(encoding: Option<Encoding>) -> v1::MeshEncoding {
+    match encoding {
+        None => v1::MeshEncoding::Unspecified,
+        Some(Encoding::Ascii) => v1::MeshEncoding::Ascii,
+        Some(Encoding::Binary) => v1::MeshEncoding::Binary,
+        Some(Encoding::Msh22) => v1::MeshEncoding::Msh22,
+    }
+}
+
+/// A size on the command line, before its file is read.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum SizeChoice<'a> {
+    Uniform(f64),
+    Triangles(u64),
+    PerVertex { file: &'a Path, min: Option<f64>, max: Option<f64>, growth: Option<f64> },
+    Graded(v1::GradedSize),
+}
+
+/// Which of the ways to give a size was taken; `None` if there is no size on the command line.
+pub(crate) fn size_choice(args: &SizeArgs) -> Outcome<Option<SizeChoice<'_>>> {
+    let usage = |message: &str| Err(Failure::Usage(message.into()));
+    let bounds = args.min_size.is_some() || args.max_size.is_some() || args.growth_rate.is_some();
+    let ways = [args.size.is_some(), args.triangles.is_some(), args.sizes.is_some()];
+    if ways.iter().filter(|on| **on).count() > 1 {
+        return usage("--size, --triangles and --sizes exclude one another");
+    }
+    if bounds && (args.size.is_some() || args.triangles.is_some()) {
+        return usage("--min-size, --max-size and --growth-rate do not go with --size or --triangles");
+    }
+    if let (Some(min), Some(max)) = (args.min_size, args.max_size)
+        && min > max
+    {
+        return usage("--min-size is greater than --max-size");
+    }
+    if let Some(size) = args.size {
+        return Ok(Some(SizeChoice::Uniform(size)));
+    }
+    if let Some(triangles) = args.triangles {
+        return Ok(Some(SizeChoice::Triangles(triangles)));
+    }
+    if let Some(file) = &args.sizes {
+        return Ok(Some(SizeChoice::PerVertex { file, min: args.min_size, max: args.max_size, growth: args.growth_rate }));
+    }
+    match (args.min_size, args.max_size, args.growth_rate) {
+        (None, None, None) => Ok(None),
+        (Some(min_size), Some(max_size), Some(growth_rate)) => {
+            Ok(Some(SizeChoice::Graded(v1::GradedSize { min_size, max_size, growth_rate })))
+        }
+        _ => usage("--min-size, --max-size and --growth-rate go together"),
+    }
+}
+
+/// The message that a command without a size prints.
+pub(crate) fn missing_size() -> Failure {
+    Failure::Usage("which size? Give --size LENGTH, --triangles N, --sizes FILE, or --min-size, --max-size and --growth-rate".into())
+}
+
+/// The size spec; reads and uploads the file of a size per vertex.
+pub(crate) async fn size_spec(client: &Client, choice: SizeChoice<'_>) -> Outcome<v1::SizeSpec> {
+    let size = match choice {
+        SizeChoice::Uniform(length) => Size::Uniform(length),
+        SizeChoice::Triangles(count) => Size::Triangles(count),
+        SizeChoice::Graded(graded) => Size::Graded(graded),
+        SizeChoice::PerVertex { file, min, max, growth } => {
+            let sizes = packed(client, pack_f64(&files::read_numbers(file)?)).await?;
+            Size::PerVertex(v1::PerVertexSize { sizes: Some(sizes), min_size: min, max_size: max, growth_rate: growth })
+        }
+    };
+    Ok(v1::SizeSpec { size: Some(size) })
+}
+
+async fn packed(client: &Client, bytes: Bytes) -> Outcome<v1::PackedArray> {
+    let data = if bytes.len() <= INLINE_BYTES { Data::Inline(bytes) } else { Data::Blob(client.upload(bytes, |_| {}).await?) };
+    Ok(v1::PackedArray { data: Some(data) })
+}
+
+/// The changes that the options ask for. A spec replaces the former one as a whole, so options are put into the `current` inputs.
+pub(crate) async fn changes(client: &Client, args: &InputArgs, current: &v1::SessionInputs) -> Outcome<Vec<Change>> {
+    let mut changes = Vec::new();
+    let mut features = current.features.clone().unwrap_or_default();
+    if put_features(args, &mut features) {
+        if let Some(file) = &args.feature_edges {
+            features.explicit_edges = Some(packed(client, pack_u32(files::read_edges(file)?.as_flattened())).await?);
+        }
+        changes.push(Change::Features(features));
+    }
+    let mut partition = current.partition.unwrap_or_default();
+    if put_partition(args, &mut partition) {
+        changes.push(Change::Partition(partition));
+    }
+    if let Some(method) = args.chart {
+        changes.push(Change::Charts(v1::ChartSpec { method: chart_method(method).into() }));
+    }
+    let mut optimize = current.optimize.unwrap_or_default();
+    if args.rounds.is_some() || args.min_kappa.is_some() {
+        optimize.rounds = args.rounds.or(optimize.rounds);
+        optimize.min_kappa = args.min_kappa.or(optimize.min_kappa);
+        changes.push(Change::Optimize(optimize));
+    }
+    Ok(changes)
+}
+
+fn put_features(args: &InputArgs, spec: &mut v1::FeatureSpec) -> bool {
+    use v1::feature_spec::SharpEdges;
+    if let Some(angle) = args.feature_angle {
+        spec.sharp_edges = Some(match angle {
+            FeatureAngle::Degrees(degrees) => SharpEdges::FeatureAngle(degrees),
+            FeatureAngle::None => SharpEdges::NoSharpEdges(true),
+        });
+    }
+    spec.min_chain_share = args.min_chain.or(spec.min_chain_share);
+    if args.ignore_region_borders || args.keep_region_borders {
+        spec.set_region_borders(if args.ignore_region_borders { v1::RegionBorders::Ignore } else { v1::RegionBorders::Keep });
+    }
+    let region_borders = args.ignore_region_borders || args.keep_region_borders;
+    args.feature_angle.is_some() || args.min_chain.is_some() || region_borders || args.feature_edges.is_some()
+}
+
+fn put_partition(args: &InputArgs, spec: &mut v1::PartitionSpec) -> bool {
+    spec.patches = args.patches.or(spec.patches);
+    spec.max_patch_faces = args.max_patch_faces.or(spec.max_patch_faces);
+    spec.max_aspect_ratio = args.max_aspect_ratio.or(spec.max_aspect_ratio);
+    args.patches.is_some() || args.max_patch_faces.is_some() || args.max_aspect_ratio.is_some()
+}
+
+fn chart_method(method: ChartMethod) -> v1::ChartMethod {
+    match method {
+        ChartMethod::Auto => v1::ChartMethod::Automatic,
+        ChartMethod::Spectral => v1::ChartMethod::SpectralConformal,
+        ChartMethod::Lscm => v1::ChartMethod::LeastSquaresConformal,
+        ChartMethod::MeanValue => v1::ChartMethod::MeanValue,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::PathBuf;
+
+    #[test]
+    fn one_way_to_give_a_size() {
+        let args = |size, triangles, min, max, growth| SizeArgs {
+            size,
+            triangles,
+            sizes: None,
+            min_size: min,
+            max_size: max,
+            growth_rate: growth,
+        };
+        let choice = |a: &SizeArgs| size_choice(a).map(|c| format!("{c:?}")).map_err(|e| e.exit_code());
+        assert_eq!(choice(&args(None, None, None, None, None)), Ok("None".into()));
+        assert_eq!(choice(&args(Some(1.5), None, None, None, None)), Ok("Some(Uniform(1.5))".into()));
+        assert!(choice(&args(None, None, Some(0.1), Some(1.0), Some(1.2))).is_ok_and(|c| c.contains("Graded")));
+        for bad in [
+            args(Some(1.0), Some(10), None, None, None),
+            args(Some(1.0), None, Some(0.5), None, None),
+            args(None, None, Some(0.5), None, None),
+            args(None, None, Some(2.0), Some(1.0), Some(1.2)),
+        ] {
+            assert_eq!(choice(&bad), Err(2), "{bad:?}");
+        }
+        let per_vertex = SizeArgs { sizes: Some(PathBuf::from("s.txt")), max_size: Some(2.0), ..Default::default() };
+        assert!(matches!(size_choice(&per_vertex), Ok(Some(SizeChoice::PerVertex { max: Some(2.0), min: None, .. }))));
+    }
+
+    #[test]
+    fn options_are_put_into_the_current_inputs() {
+        let mut features = v1::FeatureSpec { min_chain_share: Some(0.1), ..Default::default() };
+        let args = InputArgs { feature_angle: Some(FeatureAngle::None), ignore_region_borders: true, ..Default::default() };
+        assert!(put_features(&args, &mut features));
+        assert_eq!(features.min_chain_share, Some(0.1));
+        assert_eq!(features.sharp_edges, Some(v1::feature_spec::SharpEdges::NoSharpEdges(true)));
+        assert_eq!(features.region_borders(), v1::RegionBorders::Ignore);
+        assert!(!put_features(&InputArgs::default(), &mut features));
+        let mut partition = v1::PartitionSpec { patches: Some(3), ..Default::default() };
+        assert!(put_partition(&InputArgs { max_patch_faces: Some(100), ..Default::default() }, &mut partition));
+        assert_eq!((partition.patches, partition.max_patch_faces), (Some(3), Some(100)));
+    }
+
+    #[test]
+    fn resolution_is_a_linear_measure() {
+        let args = SampleSpecArgs {
+            name: SampleName::Brake,
+            triangles: None,
+            resolution: Some(100),
+            genus: None,
+            outlets: None,
+            aspect_ratio: None,
+        };
+        assert_eq!(sample_spec(&args).triangles, Some(20_000));
+    }
+}

@@ -1,0 +1,208 @@
+//! The step-by-step verbs on a session of a daemon.
+
+use super::args::{ExportArgs, ImportCommand, PatchesArgs, RollbackArgs, SessionVerb, SetArgs};
+use super::context::Context;
+use super::failure::{Failure, Outcome};
+use super::files::{self, Target};
+use super::inspect::{imported_json, imported_text};
+use super::run::{exported_json, written};
+use super::ui::Report;
+use super::{json, specs, summary};
+use crate::v1;
+use serde_json::json;
+
+/// Places printed for each kind of defect after an import.
+const PLACES: usize = 2;
+
+pub(crate) async fn session(context: &Context, verb: &SessionVerb) -> Outcome<Report> {
+    let client = &context.client;
+    match verb {
+        SessionVerb::Create { name, ttl } => {
+            let session = client.create_session(name, *ttl).await?;
+            Ok(Report { text: session.name.clone(), json: json::session(&session) })
+        }
+        SessionVerb::List => {
+            let sessions = client.list_sessions().await?;
+            let line = |s: &v1::Session| format!("{}  revision {}  {}\n", s.name, s.revision, s.display_name);
+            let text = if sessions.is_empty() { "no sessions\n".into() } else { sessions.iter().map(line).collect() };
+            Ok(Report { text, json: json!({ "sessions": sessions.iter().map(json::session).collect::<Vec<_>>() }) })
+        }
+        SessionVerb::Show(name) => {
+            let session = client.get_session(&name.session).await?;
+            Ok(Report { text: session_text(&session), json: json::session(&session) })
+        }
+        SessionVerb::Delete(name) => {
+            let revision = client.delete_session(&name.session).await?;
+            let text = format!("{} is deleted", name.session);
+            Ok(Report { text, json: json!({ "name": name.session, "revision": revision }) })
+        }
+        SessionVerb::SetTtl { session, ttl } => {
+            let session = client.set_ttl(&session.session, *ttl).await?;
+            let seconds = session.ttl.map_or(0, |ttl| ttl.seconds);
+            Ok(Report { text: format!("{} lives {seconds} s from its last use", session.name), json: json::session(&session) })
+        }
+    }
+}
+
+fn session_text(session: &v1::Session) -> String {
+    let mut text = summary::line("session", format!("{} {}", session.name, session.display_name));
+    text += &summary::line("revision", format!("{} (rollback reaches {})", session.revision, session.oldest_revision));
+    text += &summary::line("lives", format!("{} s from its last use", session.ttl.map_or(0, |ttl| ttl.seconds)));
+    text += &summary::line("mesh", session.mesh.as_ref().map_or("none yet".into(), summary::mesh));
+    if let Some(inputs) = json::session(session)["inputs"].as_object() {
+        for (name, value) in inputs.iter().filter(|(_, value)| !value.is_null()) {
+            text += &format!("          {name}: {value}\n");
+        }
+    }
+    text
+}
+
+pub(crate) async fn import(context: &Context, args: &ImportCommand) -> Outcome<Report> {
+    let imported = context.import_file(&args.session.session, &args.file, &args.import).await?;
+    let text = imported_text(&args.file, &imported, PLACES) + &revision_line(imported.revision);
+    Ok(Report { text, json: imported_json(&imported) })
+}
+
+fn revision_line(revision: u64) -> String {
+    summary::line("revision", revision)
+}
+
+pub(crate) async fn set(context: &Context, args: &SetArgs) -> Outcome<Report> {
+    let session = &args.session.session;
+    let choice = specs::size_choice(&args.size)?;
+    let current = context.client.get_session(session).await?;
+    let mut changes = specs::changes(&context.client, &args.inputs, &current.inputs.unwrap_or_default()).await?;
+    if let Some(choice) = choice {
+        changes.push(v1::change::Change::Size(specs::size_spec(&context.client, choice).await?));
+    }
+    // Each change is made for the revision the one before has left, so that nobody's work is overwritten unseen.
+    let mut revision = current.revision;
+    if changes.is_empty() {
+        return Err(Failure::Usage("nothing to set: give a size or another input".into()));
+    }
+    for change in changes {
+        revision = context.client.apply(session, change, Some(revision)).await?;
+    }
+    Ok(Report { text: revision_line(revision), json: json!({ "session": session, "revision": revision }) })
+}
+
+pub(crate) async fn rollback(context: &Context, args: &RollbackArgs) -> Outcome<Report> {
+    let session = &args.session.session;
+    let revision = context.client.rollback(session, args.revision).await?;
+    let text = summary::line("revision", format!("{revision}, with the inputs of {}", args.revision));
+    Ok(Report { text, json: json!({ "session": session, "revision": revision }) })
+}
+
+pub(crate) async fn partition(context: &Context, session: &str) -> Outcome<Report> {
+    let bar = context.ui.bar("partition");
+    let result = context.client.partition(session, |progress| bar.progress(progress)).await?;
+    drop(bar);
+    let mut text = summary::line("patches", result.patches.len());
+    text += "    patch      faces        area  loops   aspect\n";
+    for p in &result.patches {
+        text += &format!("{:>9} {:>10} {:>11.5} {:>6} {:>8.2}\n", p.patch, summary::grouped(p.faces.into()), p.area, p.loops, p.aspect_ratio);
+    }
+    text += &result.summary.as_ref().map(summary::run).unwrap_or_default();
+    let patches: Vec<_> = result.patches.iter().map(json::patch).collect();
+    Ok(Report { text, json: json!({ "patches": patches, "work": json::run(&result.summary) }) })
+}
+
+pub(crate) async fn chart(context: &Context, args: &PatchesArgs) -> Outcome<Report> {
+    let bar = context.ui.bar("charts");
+    let result = context.client.parametrize(&args.session.session, &args.patches, |progress| bar.progress(progress)).await?;
+    drop(bar);
+    let splits = if result.splits > 0 { format!(", {} split for want of a chart", result.splits) } else { String::new() };
+    let shown = format!("{} of {} patches{splits}: {}", result.charts.len(), result.patches, summary::chart_methods(&result.charts));
+    let mut text = summary::line("charts", shown);
+    text += "    patch      faces      method  angle mean      max   area min      max\n";
+    for c in &result.charts {
+        let d = c.distortion.unwrap_or_default();
+        let method = summary::chart_method_name(c.method());
+        text += &format!(
+            "{:>9} {:>10} {method:>11} {:>11.3} {:>8.3} {:>10.3} {:>8.3}\n",
+            c.patch, summary::grouped(c.faces), d.angle_mean, d.angle_max, d.area_min, d.area_max
+        );
+        for attempt in c.attempts.iter().filter(|attempt| !attempt.rejected.is_empty()) {
+            text += &format!("{:>21} {} was tried: {}\n", "", summary::chart_method_name(attempt.method()), attempt.rejected);
+        }
+    }
+    text += &result.summary.as_ref().map(summary::run).unwrap_or_default();
+    let charts: Vec<_> = result.charts.iter().map(json::chart).collect();
+    let json = json!({ "patches": result.patches, "splits": result.splits, "charts": charts, "work": json::run(&result.summary) });
+    Ok(Report { text, json })
+}
+
+pub(crate) async fn remesh(context: &Context, args: &PatchesArgs) -> Outcome<Report> {
+    let bar = context.ui.bar("remesh");
+    let result = context.client.remesh(&args.session.session, &args.patches, |progress| bar.progress(progress)).await?;
+    drop(bar);
+    let mut text = summary::line("patches", summary::grouped(result.patches.len() as u64));
+    if let Some(mesh) = &result.mesh {
+        text += &summary::line("result", summary::mesh(mesh));
+    } else {
+        for p in &result.patches {
+            text += &format!("          patch {}: {}\n", p.patch, summary::count(p.triangles, "triangle", "triangles"));
+        }
+    }
+    text += &result.shape.as_ref().map(summary::shape).unwrap_or_default();
+    text += &result.summary.as_ref().map(summary::run).unwrap_or_default();
+    let patch = |p: &v1::PatchMeshSummary| json!({ "patch": p.patch, "vertices": p.vertices, "triangles": p.triangles });
+    let json = json!({
+        "mesh": result.mesh.as_ref().map(json::mesh),
+        "patches": result.patches.iter().map(patch).collect::<Vec<_>>(),
+        "shape": result.shape.as_ref().map(json::shape),
+        "work": json::run(&result.summary),
+    });
+    Ok(Report { text, json })
+}
+
+pub(crate) async fn plan(context: &Context, session: &str) -> Outcome<Report> {
+    let plan = context.client.plan(session).await?;
+    let mut text = String::new();
+    for stage in &plan.stages {
+        let hit = stage.outcome() == v1::StageOutcome::Hit;
+        let cost = match stage.estimated_milliseconds {
+            ms if !hit && ms > 0.0 => format!("  about {}", summary::seconds(ms)),
+            _ => String::new(),
+        };
+        text += &format!("{:<8} {} {}{cost}\n", if hit { "cached" } else { "will run" }, stage.stage, stage.subject);
+    }
+    let estimate = summary::seconds(plan.estimated_milliseconds);
+    text += &summary::line("plan", format!("{} cached, {} to run, about {estimate} as far as known", plan.hits, plan.runs));
+    let stage = |s: &v1::PlannedStage| {
+        json!({
+            "stage": s.stage,
+            "subject": s.subject,
+            "outcome": if s.outcome() == v1::StageOutcome::Hit { "hit" } else { "run" },
+            "estimated_milliseconds": s.estimated_milliseconds,
+            "bytes": s.bytes,
+        })
+    };
+    let json = json!({
+        "revision": plan.revision,
+        "stages": plan.stages.iter().map(stage).collect::<Vec<_>>(),
+        "hits": plan.hits,
+        "runs": plan.runs,
+        "estimated_milliseconds": plan.estimated_milliseconds,
+    });
+    Ok(Report { text, json })
+}
+
+pub(crate) async fn export(context: &Context, args: &ExportArgs) -> Outcome<Report> {
+    let (format, encoding) = files::output_format(&args.output, args.encoding)?;
+    let target = Target::new(&args.output, &[])?;
+    let request = v1::ExportMeshRequest {
+        session: args.session.session.clone(),
+        source: if args.input { v1::MeshSource::Input } else { v1::MeshSource::Result }.into(),
+        format: format.into(),
+        encoding: encoding.into(),
+        ..Default::default()
+    };
+    let bar = context.ui.bar("download");
+    let exported = context.client.export(request, |received, total| bar.transfer(received, total)).await?;
+    drop(bar);
+    target.write(&exported.bytes)?;
+    exported.warnings.iter().for_each(|warning| context.ui.warn(warning));
+    let text = summary::line("wrote", written(target.path(), &exported));
+    Ok(Report { text, json: json!({ "output": exported_json(target.path(), &exported), "work": json::run(&Some(exported.summary)) }) })
+}

@@ -1,0 +1,184 @@
+//! How a request walks the stage graph: it executes stages through the cache, or only looks at what is cached.
+
+use super::Answer;
+use crate::engine::Engine;
+use crate::error::{EngineError, Result};
+use crate::fingerprint::Contents;
+use crate::parallel::map_indices;
+use crate::stage::{Outcome, Stage, StageKey, StageRecord, Stored, Subject};
+use crate::work::{CancelToken, Work};
+use std::any::Any;
+use std::sync::Mutex;
+use std::time::Instant;
+
+/// How far a stage is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Progress {
+    /// It looks for its output or waits for it.
+    Started,
+    /// Done share of a stage that is running.
+    Fraction(f64),
+    /// It is done.
+    Finished(StageRecord),
+}
+
+/// Something a client may want to show.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Event {
+    /// The stage.
+    pub stage: Stage,
+    /// What it works on.
+    pub subject: Subject,
+    /// How far it is.
+    pub progress: Progress,
+}
+
+/// What a request brings besides its inputs.
+#[derive(Clone, Copy)]
+pub struct Run<'a> {
+    /// Stops it.
+    pub cancel: &'a CancelToken,
+    /// Hears of every stage, from any thread; must be quick.
+    pub events: &'a (dyn Fn(&Event) + Sync),
+    /// Most threads to use.
+    pub threads: usize,
+}
+
+impl std::fmt::Debug for Run<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Run").field("cancel", &self.cancel).field("threads", &self.threads).finish_non_exhaustive()
+    }
+}
+
+/// Why a walk of the graph does not go on.
+#[derive(Debug)]
+pub(super) enum Halt {
+    /// Something failed.
+    Error(EngineError),
+    /// Planning: the output is not cached, so what depends on it is not known.
+    Unknown,
+}
+
+impl From<EngineError> for Halt {
+    fn from(error: EngineError) -> Self {
+        Halt::Error(error)
+    }
+}
+
+pub(super) type Step<T> = std::result::Result<T, Halt>;
+
+#[derive(Clone, Copy, PartialEq)]
+enum Mode {
+    Execute,
+    Plan,
+}
+
+/// One walk of the stage graph.
+pub(super) struct Context<'a> {
+    engine: &'a Engine,
+    run: &'a Run<'a>,
+    mode: Mode,
+    records: Mutex<Vec<StageRecord>>,
+}
+
+impl<'a> Context<'a> {
+    /// Carries out `steps`.
+    pub(super) fn execute<T>(engine: &'a Engine, run: &'a Run<'a>, steps: impl FnOnce(&Self) -> Step<T>) -> Result<Answer<T>> {
+        let context = Context { engine, run, mode: Mode::Execute, records: Mutex::default() };
+        match steps(&context) {
+            Ok(value) => Ok(Answer { value, records: context.into_records() }),
+            Err(Halt::Error(error)) => Err(error),
+            Err(Halt::Unknown) => Err(EngineError::invariant("an output was unknown outside of planning")),
+        }
+    }
+
+    /// Walks as far as outputs are cached.
+    pub(super) fn plan(engine: &'a Engine, run: &'a Run<'a>, steps: impl FnOnce(&Self) -> Step<()>) -> Result<Vec<StageRecord>> {
+        let context = Context { engine, run, mode: Mode::Plan, records: Mutex::default() };
+        match steps(&context) {
+            Ok(()) | Err(Halt::Unknown) => Ok(context.into_records()),
+            Err(Halt::Error(error)) => Err(error),
+        }
+    }
+
+    fn into_records(self) -> Vec<StageRecord> {
+        let mut records = self.records.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
+        // Threads finish in any order; a stage that runs in rounds keeps the order of its rounds.
+        records.sort_by_key(|r| (r.stage, r.subject));
+        records
+    }
+
+    fn record(&self, record: StageRecord) {
+        self.records.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).push(record);
+    }
+
+    /// Notes stages over the whole surface that a plan cannot reach but that will run.
+    pub(super) fn will_run(&self, stages: &[Stage]) {
+        for &stage in stages {
+            let known = self.records.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).iter().any(|r| r.stage == stage);
+            if !known {
+                self.record(self.planned_record(stage, Subject::Surface, false, 0));
+            }
+        }
+    }
+
+    fn planned_record(&self, stage: Stage, subject: Subject, hit: bool, bytes: u64) -> StageRecord {
+        let milliseconds = if hit { 0.0 } else { self.engine.cache.mean_milliseconds(stage) };
+        StageRecord { stage, subject, outcome: if hit { Outcome::Hit } else { Outcome::Run }, milliseconds, bytes }
+    }
+
+    /// One stage through the cache.
+    pub(super) fn stage<T: Contents + Any + Send + Sync>(
+        &self,
+        key: StageKey,
+        subject: Subject,
+        compute: impl FnOnce(&Work<'_>) -> Result<T>,
+    ) -> Step<Stored<T>> {
+        self.nested_stage(key, subject, |work| Ok(compute(work)?))
+    }
+
+    /// A stage whose computation asks for other stages. In a plan that finds nothing cached, `compute` is not called.
+    pub(super) fn nested_stage<T: Contents + Any + Send + Sync>(
+        &self,
+        key: StageKey,
+        subject: Subject,
+        compute: impl FnOnce(&Work<'_>) -> Step<T>,
+    ) -> Step<Stored<T>> {
+        let stage = key.stage;
+        if self.mode == Mode::Plan {
+            let found = self.engine.cache.peek::<T>(&key);
+            self.record(self.planned_record(stage, subject, found.is_some(), found.as_ref().map_or(0, |f| f.bytes as u64)));
+            return found.ok_or(Halt::Unknown);
+        }
+        self.run.cancel.check()?;
+        let span = tracing::info_span!("stage", stage = stage.name(), subject = ?subject);
+        let _entered = span.enter();
+        (self.run.events)(&Event { stage, subject, progress: Progress::Started });
+        let begin = Instant::now();
+        let fraction = |done: f64| (self.run.events)(&Event { stage, subject, progress: Progress::Fraction(done) });
+        let work = Work::new(self.run.cancel, &fraction);
+        let computed = self.engine.cache.get_or_compute(key, self.run.cancel, || match compute(&work) {
+            Ok(value) => Ok(value),
+            Err(Halt::Error(error)) => Err(error),
+            Err(Halt::Unknown) => Err(EngineError::invariant("an output was unknown outside of planning")),
+        });
+        let (stored, outcome) = computed.inspect_err(|error| tracing::debug!(reason = error.reason().code(), "stage failed"))?;
+        let milliseconds = begin.elapsed().as_secs_f64() * 1e3;
+        let record = StageRecord { stage, subject, outcome, milliseconds, bytes: stored.bytes as u64 };
+        tracing::debug!(hit = outcome == Outcome::Hit, milliseconds, bytes = record.bytes, "stage done");
+        self.record(record);
+        (self.run.events)(&Event { stage, subject, progress: Progress::Finished(record) });
+        Ok(stored)
+    }
+
+    /// The same step for many items, in parallel; results by increasing index. A plan visits every item even if some are unknown.
+    pub(super) fn each<T: Send>(&self, order: &[usize], step: impl Fn(usize) -> Step<T> + Sync) -> Step<Vec<T>> {
+        let threads = if self.mode == Mode::Plan { 1 } else { self.run.threads };
+        let results = map_indices(threads, order, |i| match step(i) {
+            Ok(value) => Ok(Some(value)),
+            Err(Halt::Unknown) => Ok(None),
+            Err(Halt::Error(error)) => Err(error),
+        })?;
+        results.into_iter().collect::<Option<Vec<T>>>().ok_or(Halt::Unknown)
+    }
+}

@@ -1,0 +1,71 @@
+//! Every generated surface through the whole pipeline: topology kept, quality above the floor, close to the input.
+
+use remesh_engine::engine::{Engine, EngineConfig};
+use remesh_engine::import::ImportOptions;
+use remesh_engine::pipeline::{self, Run};
+use remesh_engine::quality::QualityScope;
+use remesh_engine::sample::{SampleKind, SampleSpec};
+use remesh_engine::session::{Change, MeshSource};
+use remesh_engine::sizing::SizeSpec;
+use remesh_engine::topology::Topology;
+use remesh_engine::work::CancelToken;
+use std::time::SystemTime;
+
+fn remeshed(spec: SampleSpec, size: SizeSpec) {
+    let engine = Engine::new(EngineConfig::default());
+    let session = engine.create_session(None, SystemTime::now()).unwrap();
+    let name = format!("{spec:?} {size:?}");
+    let mesh = Change::Mesh { source: MeshSource::Sample(spec), options: ImportOptions::default() };
+    session.apply(None, &[mesh, Change::Size(size)]).unwrap();
+    let cancel = CancelToken::new();
+    let run = Run { cancel: &cancel, events: &|_| {}, threads: 2 };
+    let (remesh, report) = pipeline::quality(&engine, &session.snapshot(), QualityScope::Full, &run).unwrap().value;
+    let output = &remesh.result.mesh;
+    output.validate().unwrap();
+    Topology::build(&output.triangles, output.positions.len()).unwrap();
+    assert!(report.topology_kept, "{name}: {:?} became {:?}", report.topology_input, report.topology_output);
+    assert_eq!(report.self_intersections, Some(0), "{name}");
+    let shape = &report.shape;
+    assert!(shape.kappa_mean >= 0.96, "{name}: kappa mean {}", shape.kappa_mean);
+    assert!(shape.kappa_min >= 0.25, "{name}: kappa min {}", shape.kappa_min);
+    assert!(shape.tau.is_some_and(|tau| tau >= 88.0), "{name}: tau {:?}", shape.tau);
+    let fidelity = report.fidelity.as_ref().unwrap();
+    assert!(fidelity.hausdorff_max_rel <= 0.005, "{name}: Hausdorff {}", fidelity.hausdorff_max_rel);
+    let regions = |mesh: &remesh_engine::mesh::SurfaceMesh| {
+        let mut used: Vec<u32> = mesh.face_region.clone();
+        used.sort_unstable();
+        used.dedup();
+        (used, mesh.regions.clone())
+    };
+    assert_eq!(regions(output), regions(&remesh.charts.surface.imported.mesh), "{name}: regions");
+}
+
+fn spec(kind: SampleKind, triangles: u64) -> SampleSpec {
+    SampleSpec { kind, triangles, genus: None, outlets: None, aspect_ratio: None }
+}
+
+#[test]
+fn artery() {
+    remeshed(spec(SampleKind::Artery, 12_000), SizeSpec::TriangleCount { triangles: 8000 });
+}
+
+#[test]
+fn pelvis() {
+    remeshed(spec(SampleKind::Pelvis, 12_000), SizeSpec::TriangleCount { triangles: 8000 });
+}
+
+#[test]
+fn brake() {
+    remeshed(spec(SampleKind::Brake, 20_000), SizeSpec::TriangleCount { triangles: 16_000 });
+}
+
+#[test]
+fn cad_part() {
+    remeshed(spec(SampleKind::CadPart, 6000), SizeSpec::TriangleCount { triangles: 8000 });
+}
+
+#[test]
+fn tube() {
+    let spec = SampleSpec { aspect_ratio: Some(8.0), ..spec(SampleKind::Tube, 6000) };
+    remeshed(spec, SizeSpec::TriangleCount { triangles: 5000 });
+}
