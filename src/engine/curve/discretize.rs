@@ -1,6 +1,6 @@
 //! The one-dimensional mesher: equal edges in the size field.
 
-use super::{CurveKind, CurveMesh, CurvePoint, CurvePolyline};
+use super::{CurveKind, CurveMesh, CurvePoint, CurvePolyline, faithful};
 use crate::error::{EngineError, Reason, Result};
 use crate::vector::{Vec3, distance, lerp};
 use crate::work::Work;
@@ -12,9 +12,9 @@ const SAMPLES_PER_EDGE: f64 = 8.0;
 const FILTER_PASSES: usize = 16;
 
 /// A polyline with a growing measure at its points; positions are `segment + t`.
-struct Measured {
-    at: Vec<f64>,
-    measure: Vec<f64>,
+pub(super) struct Measured {
+    pub(super) at: Vec<f64>,
+    pub(super) measure: Vec<f64>,
 }
 
 /// Length of a segment in the size field with sizes linear along it.
@@ -35,7 +35,7 @@ fn measure_exact(polyline: &CurvePolyline) -> Measured {
 }
 
 /// Inverse of a measure: the positions where it takes the increasing values `wanted`.
-fn invert(measured: &Measured, wanted: impl Iterator<Item = f64>) -> Vec<f64> {
+pub(super) fn invert(measured: &Measured, wanted: impl Iterator<Item = f64>) -> Vec<f64> {
     let (at, measure) = (&measured.at, &measured.measure);
     let mut i = 1;
     wanted
@@ -55,7 +55,7 @@ fn split_position(position: f64, segments: usize) -> (usize, f64) {
     (segment, (position - segment as f64).clamp(0.0, 1.0))
 }
 
-fn point_at(polyline: &CurvePolyline, position: f64) -> (Vec3, f64) {
+pub(super) fn point_at(polyline: &CurvePolyline, position: f64) -> (Vec3, f64) {
     let (s, t) = split_position(position, polyline.points.len() - 1);
     (lerp(polyline.points[s], polyline.points[s + 1], t), polyline.sizes[s] + t * (polyline.sizes[s + 1] - polyline.sizes[s]))
 }
@@ -95,6 +95,20 @@ fn measure_smoothed(polyline: &CurvePolyline, exact: Measured, work: &Work<'_>) 
     Ok(Measured { at, measure })
 }
 
+/// Inner positions that divide the measure into round(total) equal parts, at least `least`.
+fn equal_parts(measured: &Measured, least: usize) -> Vec<f64> {
+    let total = measured.measure.last().copied().unwrap_or(0.0);
+    let edges = (total.round() as usize).max(least);
+    invert(measured, (1..edges).map(|i| total * i as f64 / edges as f64))
+}
+
+/// Whether a chord leaves the curve by more than is allowed.
+fn cuts_corners(polyline: &CurvePolyline, inner: &[f64]) -> bool {
+    let end = (polyline.points.len() - 1) as f64;
+    let ends = inner.iter().copied().chain([end]);
+    std::iter::once(0.0).chain(inner.iter().copied()).zip(ends).any(|(a, b)| faithful::deviation(polyline, a, b) > faithful::CUT_DEVIATION)
+}
+
 pub(super) fn discretize(polyline: &CurvePolyline, work: &Work<'_>) -> Result<CurveMesh> {
     work.check()?;
     let (points, sizes) = (&polyline.points, &polyline.sizes);
@@ -110,13 +124,15 @@ pub(super) fn discretize(polyline: &CurvePolyline, work: &Work<'_>) -> Result<Cu
         return Err(EngineError::new(Reason::LimitReached, format!("a curve would get {total:e} points, the limit is {MAX_POINTS:e}"))
             .with_hint("ask for a larger size"));
     }
+    let least = polyline.min_edges.max(if polyline.closed { 3 } else { 1 }) as usize;
     let measured = if polyline.kind == CurveKind::Seam && total > 0.0 { measure_smoothed(polyline, exact, work)? } else { exact };
-    let total = measured.measure.last().copied().unwrap_or(0.0);
-    let least = polyline.min_edges.max(if polyline.closed { 3 } else { 1 });
-    let edges = (total.round() as usize).max(least as usize);
-    let inner = invert(&measured, (1..edges).map(|i| total * i as f64 / edges as f64));
+    let mut inner = equal_parts(&measured, least);
+    if polyline.kind != CurveKind::Seam && cuts_corners(polyline, &inner) {
+        let faithful = faithful::divide(polyline, &measured, work)?;
+        inner = faithful.filter(|f| f.len() + 1 >= least).unwrap_or(inner);
+    }
     let last_segment = points.len() - 2;
-    let mut mesh = Vec::with_capacity(edges + 1);
+    let mut mesh = Vec::with_capacity(inner.len() + 2);
     mesh.push(CurvePoint { segment: 0, t: 0.0, position: points[0] });
     for position in inner {
         let (segment, t) = split_position(position, points.len() - 1);

@@ -4,7 +4,6 @@ use super::{Curve, CurveKind, CurveNetwork};
 use crate::features::Features;
 use crate::partition::Partition;
 use crate::topology::Topology;
-use std::collections::BTreeMap;
 
 /// What must be equal for two edges to continue one another: kind and the patches beside the edge, lower first.
 type Label = (CurveKind, u32, u32);
@@ -147,18 +146,20 @@ pub(super) fn trace(topology: &Topology, features: &Features, partition: &Partit
     CurveNetwork { curves }
 }
 
-/// Closed curves need three edges; of several curves between the same two vertices only the first may be a single edge.
+/// Closed curves need three edges; of several curves between the same two vertices only one may be a single edge: the one
+/// with the fewest input edges, which is the least bent.
 fn set_min_edges(topology: &Topology, curves: &mut [Curve]) {
-    let mut met: BTreeMap<(u32, u32), ()> = BTreeMap::new();
-    for curve in curves {
+    let mut between: Vec<(u32, u32, usize, usize)> = Vec::new();
+    for (i, curve) in curves.iter_mut().enumerate() {
         if curve.closed {
             curve.min_edges = 3;
-            continue;
+        } else if let (Some(&first), Some(&last)) = (curve.halfedges.first(), curve.halfedges.last()) {
+            let (a, b) = (topology.origin(first), topology.target(last));
+            between.push((a.min(b), a.max(b), curve.halfedges.len(), i));
         }
-        let (Some(&first), Some(&last)) = (curve.halfedges.first(), curve.halfedges.last()) else { continue };
-        let (a, b) = (topology.origin(first), topology.target(last));
-        if met.insert((a.min(b), a.max(b)), ()).is_some() {
-            curve.min_edges = 2;
-        }
+    }
+    between.sort_unstable();
+    for group in between.chunk_by(|x, y| (x.0, x.1) == (y.0, y.1)) {
+        group.iter().skip(1).for_each(|&(_, _, _, i)| curves[i].min_edges = 2);
     }
 }

@@ -3,7 +3,7 @@
 use super::SurfacePoint;
 use super::locate::{Locator, area2};
 use crate::patch::Patch;
-use crate::vector::{Vec2, dot, sub};
+use crate::vector::{Vec2, distance, dot, sub, triangle_area};
 
 /// A symmetric positive 2 x 2 matrix `[[m0, m1], [m1, m2]]`.
 pub(super) type Metric = [f64; 3];
@@ -28,8 +28,23 @@ pub(super) fn density(m: Metric) -> f64 {
 
 /// What is interpolated in the chart: the pull-back metric and the size, at each vertex.
 pub(super) struct MetricField {
-    /// `[m0, m1, m2, size]`
+    /// `[m0, m1, m2, size]` at the vertices.
     values: Vec<[f64; 4]>,
+    /// Metric of each face and the weight it has against the interpolated one, from 0 (the face is small against the size) to 1.
+    faces: Vec<[f64; 4]>,
+}
+
+/// Faces whose smallest height over the size is below the first number are smoothed over, above the second taken as they are.
+const FACE_HEIGHTS: [f64; 2] = [1.0, 2.0];
+
+fn face_weight(patch: &Patch, face: usize, sizes: &[f64]) -> f64 {
+    let t = patch.triangles[face].map(|v| v as usize);
+    let [a, b, c] = t.map(|v| patch.positions[v]);
+    let longest = distance(a, b).max(distance(b, c)).max(distance(c, a));
+    let height = 2.0 * triangle_area(a, b, c) / longest.max(f64::MIN_POSITIVE);
+    let size = t.iter().map(|&v| sizes[v]).sum::<f64>() / 3.0;
+    let weight = (height / size - FACE_HEIGHTS[0]) / (FACE_HEIGHTS[1] - FACE_HEIGHTS[0]);
+    if weight.is_finite() { weight.clamp(0.0, 1.0) } else { 0.0 }
 }
 
 /// Metric tensor of the inverse map on a face: `(dx/du)^T (dx/du)`.
@@ -54,8 +69,10 @@ impl MetricField {
     pub(super) fn new(patch: &Patch, uv: &[Vec2], sizes: &[f64]) -> MetricField {
         let mut values = vec![[0.0; 4]; patch.positions.len()];
         let mut weight = vec![0.0; values.len()];
+        let mut faces = vec![[0.0; 4]; patch.triangles.len()];
         for f in 0..patch.triangles.len() {
             let Some((m, area)) = face_metric(patch, uv, f) else { continue };
+            faces[f] = [m[0], m[1], m[2], face_weight(patch, f, sizes)];
             for &v in &patch.triangles[f] {
                 for k in 0..3 {
                     values[v as usize][k] += area * m[k];
@@ -73,14 +90,15 @@ impl MetricField {
             }
             m[3] = sizes[v];
         }
-        MetricField { values }
+        MetricField { values, faces }
     }
 
     /// The metric over squared size at a point of the chart.
     #[inline]
     pub(super) fn at(&self, locator: &Locator<'_>, point: &SurfacePoint) -> Metric {
         let [a, b, c, size] = locator.at(point, &self.values);
+        let [x, y, z, w] = self.faces[point.face as usize];
         let s = 1.0 / (size * size);
-        [a * s, b * s, c * s]
+        [s * (a + w * (x - a)), s * (b + w * (y - b)), s * (c + w * (z - c))]
     }
 }
