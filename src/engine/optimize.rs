@@ -6,6 +6,7 @@ mod input;
 mod kernel;
 mod rounds;
 mod state;
+mod untangle;
 
 use crate::assemble::Assembled;
 use crate::bvh::TriangleBvh;
@@ -85,6 +86,7 @@ pub fn optimize_surface(
         }
         rounds::flip_pass(&mut state, FlipGoal::Shape, work)?;
         chase::chase(&mut state, spec.min_kappa, work)?;
+        untangle::untangle(&mut state, work)?;
     }
     work.step(stages, stages)?;
     Ok(finish(input, &state))

@@ -7,17 +7,21 @@ use crate::work::Work;
 
 /// Edges longer than this many sizes are split.
 const LONG: f64 = 4.0 / 3.0;
+/// Edges on curves are split above this: the curve mesh has its own good spacing, short curves apart.
+const LONG_ON_CURVE: f64 = 1.6;
 /// Edges shorter than this many sizes are collapsed.
 const SHORT: f64 = 4.0 / 5.0;
 /// Operations between two checks for cancellation.
 const CHECK_EVERY: u32 = 1024;
 
-/// Splits until no edge off the curves is too long.
+/// Splits until no edge is too long.
 pub(super) fn split_long(state: &mut State<'_>, work: &Work<'_>) -> Result<u32> {
     let mut done = 0;
     for _ in 0..12 {
-        let mut long: Vec<(f64, u32)> =
-            edges(state).filter(|&h| !state.mesh.is_on_curve(h)).map(|h| (state.ratio(h), h)).filter(|x| x.0 > LONG).collect();
+        let mut long: Vec<(f64, u32)> = edges(state)
+            .map(|h| (state.ratio(h), h))
+            .filter(|&(ratio, h)| ratio > if state.mesh.is_on_curve(h) { LONG_ON_CURVE } else { LONG })
+            .collect();
         long.sort_unstable_by(|x, y| y.0.total_cmp(&x.0).then(x.1.cmp(&y.1)));
         let mut changed = 0;
         for (i, &(ratio, h)) in long.iter().enumerate() {
@@ -110,6 +114,9 @@ pub(super) fn flip_pass(state: &mut State<'_>, goal: FlipGoal, work: &Work<'_>) 
 
 fn wants_flip(state: &State<'_>, h: u32, t: u32, goal: FlipGoal) -> bool {
     let Some((after, before)) = state.flip_kappa(h) else { return false };
+    if after > before.min(0.5) && state.cuts_a_crest(h, t) {
+        return true;
+    }
     if goal == FlipGoal::Shape {
         return after > before + 1e-6;
     }
@@ -146,10 +153,11 @@ fn smooth_vertex(state: &mut State<'_>, v: u32) -> f64 {
     let target = star_centroid(state, v);
     let step = tangential(sub(target, p), normal);
     let before = state.star_kappa(v);
+    let sag = state.sag_limit(v, normal);
     for share in [1.0, 0.5, 0.2] {
         let foot = state.project_near(v, add(p, scale(step, share)));
         if let Some(least) = state.star_at(v, foot.position, normal) {
-            if least >= before.min(0.4) {
+            if least >= before.min(0.4) && sag.is_none_or(|most| state.star_sag(v, foot.position) <= most) {
                 let moved = distance(p, foot.position) / state.size[v as usize];
                 state.place(v, &foot);
                 return moved;

@@ -12,6 +12,10 @@ const TURN: f64 = 0.3;
 const AGREE: f64 = 0.25;
 /// Edge midpoints may be this far from the input, in local sizes, without further question.
 const SAG: f64 = 0.1;
+/// Faces of lower kappa have no normal to rely on.
+const FLAT: f64 = 0.02;
+/// A star with a face whose normal has a lower cosine with that of the whole star is bent.
+const BENT: f64 = 0.87;
 /// Curve vertices may be dropped when the curve moves by no more than this, in local sizes.
 const CURVE_SAG: f64 = 0.03;
 
@@ -85,6 +89,14 @@ impl<'a> State<'a> {
         self.input.agrees(area_vector_twice(corners[0], corners[1], corners[2]), &foot, AGREE)
     }
 
+    /// Whether a face that becomes `new` keeps the way it looks. A face too flat to have a normal is compared with the input.
+    fn keeps_looking(&self, near: u32, old: [Vec3; 3], new: [Vec3; 3]) -> bool {
+        if kappa(old[0], old[1], old[2]) < FLAT {
+            return self.agrees(near, new);
+        }
+        cosine(area_vector_twice(old[0], old[1], old[2]), area_vector_twice(new[0], new[1], new[2])) >= TURN
+    }
+
     /// Gain of flipping an edge: least kappa after and before; `None` if connectivity forbids it or the surface would fold.
     pub(super) fn flip_kappa(&self, h: u32) -> Option<(f64, f64)> {
         let t = self.mesh.twin(h)?;
@@ -95,6 +107,18 @@ impl<'a> State<'a> {
         let (old, new) = ([[a, b, c], [b, a, d]], [[a, d, c], [d, b, c]]);
         let least = |faces: &[[Vec3; 3]; 2]| faces.iter().map(|f| kappa(f[0], f[1], f[2])).fold(1.0, f64::min);
         Some((least(&new), least(&old)))
+    }
+
+    /// Whether the edge cuts off a crest which its other diagonal follows: clearly nearer the input, and of acceptable shape.
+    pub(super) fn cuts_a_crest(&self, h: u32, t: u32) -> bool {
+        let (m, n) = (self.mesh.area_vector(h / 3), self.mesh.area_vector(t / 3));
+        if cosine(m, n) > BENT {
+            return false;
+        }
+        let ends = [self.mesh.from(h), self.mesh.from(t), self.mesh.apex(h), self.mesh.apex(t)];
+        let [a, b, c, d] = ends.map(|v| self.mesh.at(v));
+        let now = self.sag(ends[0], a, b);
+        now > 0.5 * SAG * self.size[ends[0] as usize] && self.sag(ends[2], c, d) < 0.6 * now
     }
 
     /// Flips an edge if the surface neither folds nor leaves the input.
@@ -111,7 +135,8 @@ impl<'a> State<'a> {
         if cosine(p, old) < TURN || cosine(q, old) < TURN {
             return false;
         }
-        if cosine(m, n) < 0.97 || cosine(p, q) < 0.97 {
+        let flat = kappa(a, b, c).min(kappa(b, a, d)) < FLAT;
+        if flat || cosine(m, n) < 0.97 || cosine(p, q) < 0.97 {
             let (now, then) = (self.sag(ends[0], a, b), self.sag(ends[2], c, d));
             let local = self.size[ends[2] as usize];
             if then > (SAG * local).max(now) {
@@ -126,21 +151,35 @@ impl<'a> State<'a> {
         true
     }
 
+    /// Where a split puts its vertex: the foot of the edge's middle, or the middle itself on a curve.
+    pub(super) fn middle_foot(&self, h: u32) -> Foot {
+        let (a, b) = (self.mesh.from(h), self.mesh.to(h));
+        let at = lerp(self.mesh.at(a), self.mesh.at(b), 0.5);
+        let local = 0.5 * (self.size[a as usize] + self.size[b as usize]);
+        let foot = self.input.project(at, self.foot[a as usize], 0.5 * local);
+        if self.mesh.is_on_curve(h) { Foot { position: at, ..foot } } else { foot }
+    }
+
+    /// The faces a collapse of `h` to `p` leaves around it.
+    pub(super) fn faces_after_collapse(&self, h: u32, p: Vec3) -> Vec<[Vec3; 3]> {
+        self.collapse_star(h, p).into_iter().map(|(_, new, _)| new).collect()
+    }
+
     /// Splits an edge at its middle (projected, off curves), unless the surface would fold.
     pub(super) fn try_split(&mut self, h: u32) -> Option<u32> {
         let (a, b) = (self.mesh.from(h), self.mesh.to(h));
         let (pa, pb) = (self.mesh.at(a), self.mesh.at(b));
         let at = lerp(pa, pb, 0.5);
-        let local = 0.5 * (self.size[a as usize] + self.size[b as usize]);
-        let mut foot = self.input.project(at, self.foot[a as usize], 0.5 * local);
-        if self.mesh.is_on_curve(h) {
-            foot.position = at;
-        }
+        let foot = self.middle_foot(h);
         let p = foot.position;
+        if distance(p, at) > 0.4 * distance(pa, pb) {
+            return None;
+        }
         for side in [Some(h), self.mesh.twin(h)].into_iter().flatten() {
             let (x, y, z) = (self.mesh.at(self.mesh.from(side)), self.mesh.at(self.mesh.to(side)), self.mesh.at(self.mesh.apex(side)));
-            let old = area_vector_twice(x, y, z);
-            if cosine(area_vector_twice(x, p, z), old) < TURN || cosine(area_vector_twice(p, y, z), old) < TURN {
+            let shape = (0.3 * kappa(x, y, z)).min(0.1);
+            let fine = |new: [Vec3; 3]| kappa(new[0], new[1], new[2]) >= shape && self.keeps_looking(a, [x, y, z], new);
+            if ![[x, p, z], [p, y, z]].into_iter().all(fine) {
                 return None;
             }
         }
@@ -213,11 +252,11 @@ impl<'a> State<'a> {
         let star = self.collapse_star(h, foot.position);
         let mut dropped = f64::INFINITY;
         for (old, new, outer) in &star {
-            let (m, n) = (area_vector_twice(old[0], old[1], old[2]), area_vector_twice(new[0], new[1], new[2]));
-            let c = cosine(m, n);
-            if c < TURN {
+            if !self.keeps_looking(*outer, *old, *new) {
                 return false;
             }
+            let (m, n) = (area_vector_twice(old[0], old[1], old[2]), area_vector_twice(new[0], new[1], new[2]));
+            let c = cosine(m, n);
             let (now, then) = (self.sag(*outer, old[0], old[1]), self.sag(*outer, new[0], new[1]));
             if then > (SAG * local).max(now) || (c < 0.9 && !self.agrees(*outer, *new)) {
                 return false;
@@ -258,6 +297,32 @@ impl<'a> State<'a> {
             }
         }
         found
+    }
+
+    /// Whether the faces around a vertex look in clearly different ways: the vertex may sit on a crest that a move would cut off.
+    pub(super) fn is_bent(&self, v: u32, normal: Vec3) -> bool {
+        self.mesh.around(v).any(|h| {
+            let n = self.mesh.area_vector(h / 3);
+            dot(n, normal) < BENT * norm(n)
+        })
+    }
+
+    /// Largest distance from the input to the middles of the edges and faces around a vertex, were it at `p`.
+    pub(super) fn star_sag(&self, v: u32, p: Vec3) -> f64 {
+        let from = self.foot[v as usize];
+        let mut largest = 0f64;
+        for h in self.mesh.around(v) {
+            let (q, r) = (self.mesh.at(self.mesh.to(h)), self.mesh.at(self.mesh.apex(h)));
+            for x in [lerp(p, q, 0.5), middle([p, q, r])] {
+                largest = largest.max(self.input.walk(x, from).distance_squared);
+            }
+        }
+        largest.sqrt()
+    }
+
+    /// The sag a move of a vertex must not exceed; `None` where the star is flat enough for any move.
+    pub(super) fn sag_limit(&self, v: u32, normal: Vec3) -> Option<f64> {
+        self.is_bent(v, normal).then(|| self.star_sag(v, self.mesh.at(v)).max(0.5 * SAG * self.size[v as usize]))
     }
 
     /// Whether the star of a vertex moved to `p` keeps the way its faces look; the least kappa then.
