@@ -298,7 +298,11 @@ mod tests {
             info("NON_MANIFOLD_EDGE", &[("hint", "Split the edge or delete a face."), ("count", "250")]),
             any(GEOMETRY_LOCATIONS_TYPE_URL, locations.encode_to_vec()),
         ];
-        let error = ClientError::from(with_details(Code::FailedPrecondition, "250 edges have more than two faces (first of 250: Edge [0, 9] at 12.345678, -0.5, 1e-7)", details));
+        let error = ClientError::from(with_details(
+            Code::FailedPrecondition,
+            "250 edges have more than two faces (first of 250: Edge [0, 9] at 12.345678, -0.5, 1e-7)",
+            details,
+        ));
         assert_eq!(error.reason(), Some("NON_MANIFOLD_EDGE"));
         let call = error.call().expect("an error of a call");
         assert_eq!((call.places.len(), call.place_total), (7, 250));

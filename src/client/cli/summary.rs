@@ -166,7 +166,8 @@ pub(crate) fn defect_name(defect: v1::Defect) -> (&'static str, &'static str) {
 /// One kind of defect with its first places.
 pub(crate) fn finding(finding: &v1::Finding, places: usize) -> String {
     let (one, many) = defect_name(finding.defect());
-    let mut text = format!("  {}{}", count(finding.count, one, many), if finding.prevents_remeshing { "  <- prevents remeshing" } else { "" });
+    let mut text =
+        format!("  {}{}", count(finding.count, one, many), if finding.prevents_remeshing { "  <- prevents remeshing" } else { "" });
     for location in finding.locations.iter().take(places) {
         let _ = write!(text, "\n    {}", Place::from(location));
     }
@@ -198,11 +199,11 @@ pub(crate) fn diagnosis(diagnosis: &v1::Diagnosis, places: usize) -> String {
 
 /// Time by group of stages, and what the cache spared.
 pub(crate) fn work(milliseconds: f64, groups: &[Group]) -> String {
-    let spent: Vec<String> =
-        groups.iter().filter(|g| g.runs > 0).map(|g| format!("{} {}", g.name, seconds(g.milliseconds))).collect();
+    let spent: Vec<String> = groups.iter().filter(|g| g.runs > 0).map(|g| format!("{} {}", g.name, seconds(g.milliseconds))).collect();
     let detail = if spent.is_empty() { String::new() } else { format!(" ({})", spent.join(", ")) };
     let (hits, runs) = (groups.iter().map(|g| g.hits).sum::<u64>(), groups.iter().map(|g| g.runs).sum::<u64>());
-    let cached: Vec<String> = groups.iter().filter(|g| g.hits > 0).map(|g| format!("{} {} of {}", g.name, g.hits, g.hits + g.runs)).collect();
+    let cached: Vec<String> =
+        groups.iter().filter(|g| g.hits > 0).map(|g| format!("{} {} of {}", g.name, g.hits, g.hits + g.runs)).collect();
     let cache = match hits {
         0 => "nothing was cached".to_owned(),
         _ => format!("{hits} of {} steps were cached ({})", hits + runs, cached.join(", ")),
