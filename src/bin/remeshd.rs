@@ -1,2 +1,2 @@
-//! placeholder
+//! `remeshd`: the remeshing daemon. Settings, bind, serve, drain.
 fn main() {}

@@ -155,6 +155,12 @@ impl Engine {
         Ok(blob)
     }
 
+    /// How many uploaded files are kept, and their bytes.
+    pub fn blob_usage(&self) -> (u64, u64) {
+        let blobs = guard(&self.blobs);
+        (blobs.len() as u64, blobs.iter().map(|b| b.bytes.len() as u64).sum())
+    }
+
     /// An uploaded file by digest.
     ///
     /// # Errors

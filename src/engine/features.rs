@@ -1,9 +1,16 @@
 //! Feature edges: sharp by angle, borders of regions, and edges the user names.
 
-use crate::error::{EngineError, Reason, Result};
+mod chains;
+mod corners;
+mod sharp;
+#[cfg(test)]
+mod tests;
+
+use crate::error::{EngineError, Result};
 use crate::fingerprint::{Contents, Feeder};
 use crate::mesh::SurfaceMesh;
 use crate::topology::Topology;
+use crate::vector::bounding_diagonal;
 use crate::work::Work;
 
 /// Which edges are features.
@@ -60,11 +67,83 @@ impl Contents for Features {
     }
 }
 
+/// What a mark on an edge rests on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Mark {
+    /// Not a feature.
+    None,
+    /// Sharp by angle: dropped again if its chain is noise.
+    Sharp,
+    /// A region border or an edge the user named: stays.
+    Given,
+}
+
 /// Finds the feature edges. O(F).
 ///
+/// Normals of slivers that agree with no neighbour are taken from the neighbour they fit best, so that a degenerate face does not
+/// make an edge sharp. Sharp branches that end freely and sharp components are dropped below `min_chain_share`.
+///
 /// # Errors
-/// [`Reason::BadParameter`] for an angle outside (0, 180) or an explicit edge that is not an edge of the mesh.
+/// [`crate::error::Reason::BadParameter`] for an angle outside (0, 180), a negative `min_chain_share` or an explicit edge that is not an
+/// edge of the mesh.
 pub fn detect_features(mesh: &SurfaceMesh, topology: &Topology, spec: &FeatureSpec, work: &Work<'_>) -> Result<Features> {
-    let _ = (mesh, topology, spec, work);
-    Err(EngineError::new(Reason::NotBuilt, "feature detection"))
+    if spec.feature_angle_deg.is_some_and(|a| !(a > 0.0 && a < 180.0)) {
+        return Err(EngineError::bad_parameter("feature_angle", "must lie between 0 and 180 degrees"));
+    }
+    if !(spec.min_chain_share >= 0.0 && spec.min_chain_share.is_finite()) {
+        return Err(EngineError::bad_parameter("min_chain_share", "must be a finite number, 0 or more"));
+    }
+    let mut marks = vec![Mark::None; topology.halfedge_count()];
+    if let Some(angle) = spec.feature_angle_deg {
+        sharp::mark_sharp(mesh, topology, angle.to_radians(), &mut marks, work)?;
+    }
+    if spec.region_borders == RegionBorders::Keep {
+        mark_region_borders(mesh, topology, &mut marks);
+    }
+    mark_explicit(mesh, topology, &spec.explicit_edges, &mut marks)?;
+    work.check()?;
+    let shortest = spec.min_chain_share * bounding_diagonal(&mesh.positions);
+    if spec.feature_angle_deg.is_some() && shortest > 0.0 {
+        chains::drop_noise(mesh, topology, shortest, &mut marks, work)?;
+    }
+    let is_feature: Vec<bool> = marks.iter().map(|&m| m != Mark::None).collect();
+    let corners = corners::find_corners(mesh, topology, &is_feature, work)?;
+    Ok(Features { is_feature, corners })
+}
+
+/// Marks both halves of an interior edge; boundary edges are left alone.
+fn set_mark(topology: &Topology, marks: &mut [Mark], h: u32, mark: Mark) {
+    if let Some(t) = topology.twin(h) {
+        marks[h as usize] = mark;
+        marks[t as usize] = mark;
+    }
+}
+
+fn mark_region_borders(mesh: &SurfaceMesh, topology: &Topology, marks: &mut [Mark]) {
+    for h in 0..topology.halfedge_count() as u32 {
+        if let Some(t) = topology.twin(h)
+            && mesh.face_region[topology.face(h) as usize] != mesh.face_region[topology.face(t) as usize]
+        {
+            marks[h as usize] = Mark::Given;
+        }
+    }
+}
+
+fn mark_explicit(mesh: &SurfaceMesh, topology: &Topology, edges: &[[u32; 2]], marks: &mut [Mark]) -> Result<()> {
+    let count = topology.vertex_count() as u32;
+    for (i, &[a, b]) in edges.iter().enumerate() {
+        let field = format!("explicit_edges[{i}]");
+        if a >= count || b >= count {
+            return Err(EngineError::bad_parameter(&field, format!("names vertices {a}, {b}; the mesh has {count} vertices")));
+        }
+        let leaving = |from: u32, to: u32| topology.outgoing(from).find(|&h| topology.target(h) == to);
+        match leaving(a, b).or_else(|| leaving(b, a)) {
+            Some(h) => set_mark(topology, marks, h, Mark::Given),
+            None => {
+                return Err(EngineError::bad_parameter(&field, format!("vertices {a} and {b} share no edge"))
+                    .with_locations([mesh.vertex_location(a), mesh.vertex_location(b)]));
+            }
+        }
+    }
+    Ok(())
 }

@@ -1,10 +1,21 @@
 //! Reading files into the surface model: format detection, readers, then repair of what is harmless to repair.
 
-use crate::diagnose::Diagnosis;
+mod binary;
+mod detect;
+mod obj;
+mod off;
+pub(crate) mod raw;
+mod select;
+pub(crate) mod stl;
+mod text;
+
+use crate::diagnose::{Diagnosis, diagnose};
 use crate::error::{EngineError, Reason, Result};
 use crate::fingerprint::{Contents, Feeder};
 use crate::mesh::{LengthUnit, SurfaceMesh};
+use crate::repair::repair;
 use crate::work::Work;
+use raw::RawSurface;
 
 /// A file format. glTF and GLB are one format (JSON with embedded or data-URI buffers, or binary).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -139,8 +150,41 @@ impl Contents for Imported {
 /// [`Reason::IndexOutOfRange`], [`Reason::EmptyMesh`], [`Reason::LimitReached`]. Never panics, whatever the bytes; memory is bounded
 /// by a small multiple of the file's size (counts in headers are not trusted).
 pub fn import_mesh(bytes: &[u8], options: &ImportOptions, work: &Work<'_>) -> Result<Imported> {
-    let _ = (bytes, options, work);
-    Err(EngineError::new(Reason::NotBuilt, "import"))
+    check_options(options)?;
+    let format = match options.format {
+        Some(format) => format,
+        None => detect::detect(bytes)?,
+    };
+    let mut raw = RawSurface::new(options.max_faces);
+    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    match format {
+        Format::Stl => stl::read(text, &mut raw, work)?,
+        Format::Obj => obj::read(text, options.obj_regions, &mut raw, work)?,
+        Format::Off => off::read(text, &mut raw, work)?,
+        other => return Err(EngineError::new(Reason::NotBuilt, format!("reading {other:?}"))),
+    }
+    let report = ImportReport { format: std::mem::take(&mut raw.format), warnings: std::mem::take(&mut raw.warnings), ..Default::default() };
+    finish(raw.into_mesh(options.assume_unit), report, options, work)
+}
+
+fn check_options(options: &ImportOptions) -> Result<()> {
+    if !(0.0..0.1).contains(&options.weld_tolerance) {
+        let message = format!("{} is not in [0, 0.1): it is a share of the bounding box diagonal", options.weld_tolerance);
+        return Err(EngineError::bad_parameter("weld_tolerance", message));
+    }
+    Ok(())
+}
+
+/// What all sources have in common: selection of regions, repair, diagnosis.
+fn finish(mut mesh: SurfaceMesh, mut report: ImportReport, options: &ImportOptions, work: &Work<'_>) -> Result<Imported> {
+    report.faces_read = mesh.triangles.len() as u64;
+    report.vertices_read = mesh.positions.len() as u64;
+    work.check()?;
+    select::keep_regions(&mut mesh, &options.only_regions, &mut report)?;
+    repair(&mut mesh, options.weld_tolerance, &mut report, work)?;
+    select::drop_empty_regions(&mut mesh, &mut report);
+    let diagnosis = diagnose(&mesh, work)?;
+    Ok(Imported { mesh, report, diagnosis })
 }
 
 /// The same for arrays that a client or the sample generator gives: weld, drop, orient, diagnose.
@@ -148,6 +192,15 @@ pub fn import_mesh(bytes: &[u8], options: &ImportOptions, work: &Work<'_>) -> Re
 /// # Errors
 /// As [`import_mesh`], without the format errors.
 pub fn import_arrays(mesh: SurfaceMesh, options: &ImportOptions, work: &Work<'_>) -> Result<Imported> {
-    let _ = (mesh, options, work);
-    Err(EngineError::new(Reason::NotBuilt, "import of arrays"))
+    check_options(options)?;
+    if mesh.triangles.len() as u64 > options.max_faces {
+        let message = format!("{} faces are more than the {} accepted", mesh.triangles.len(), options.max_faces);
+        return Err(EngineError::new(Reason::LimitReached, message));
+    }
+    let regions = mesh.regions.len();
+    if mesh.face_region.len() != mesh.triangles.len() || mesh.face_region.iter().any(|&r| r as usize >= regions) {
+        return Err(EngineError::bad_parameter("face_region", "must name one of the regions for each triangle"));
+    }
+    let report = ImportReport { format: "arrays".to_owned(), ..Default::default() };
+    finish(mesh, report, options, work)
 }

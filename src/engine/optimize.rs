@@ -1,13 +1,22 @@
 //! Optimisation of the assembled mesh on the input surface, across seams that are not features: flips, splits, collapses and
 //! tangential smoothing with projection to the input.
 
+mod chase;
+mod input;
+mod kernel;
+mod rounds;
+mod state;
+
 use crate::assemble::Assembled;
 use crate::bvh::TriangleBvh;
-use crate::error::{EngineError, Reason, Result};
+use crate::error::{EngineError, Result};
 use crate::fingerprint::{Contents, Feeder};
 use crate::mesh::SurfaceMesh;
 use crate::sizing::SizeField;
 use crate::work::Work;
+use input::Input;
+use rounds::FlipGoal;
+use state::State;
 
 /// How far to optimise.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,7 +58,8 @@ impl Contents for Remeshed {
 /// Optimises. Keeps topology, corners, and curves as curves; never flips a face against the input's normal; deterministic.
 ///
 /// # Errors
-/// Cancellation; [`Reason::Invariant`].
+/// Cancellation; [`crate::error::Reason::Invariant`] for arrays that do not fit each other; those of
+/// [`crate::topology::Topology::build`] for a mesh that is not manifold.
 pub fn optimize_surface(
     input: &SurfaceMesh,
     bvh: &TriangleBvh,
@@ -58,6 +68,65 @@ pub fn optimize_surface(
     spec: &OptimizeSpec,
     work: &Work<'_>,
 ) -> Result<Remeshed> {
-    let _ = (input, bvh, assembled, sizes, spec, work);
-    Err(EngineError::new(Reason::NotBuilt, "optimisation"))
+    check(input, assembled, sizes)?;
+    let mut state = State::new(Input::new(input, bvh, sizes), assembled)?;
+    let stages = 2 * spec.rounds as usize + 4;
+    for round in 0..spec.rounds {
+        rounds::split_long(&mut state, work)?;
+        rounds::collapse_short(&mut state, work)?;
+        rounds::flip_pass(&mut state, FlipGoal::Valence, work)?;
+        rounds::smooth(&mut state, 3, work)?;
+        work.step(2 * round as usize, stages)?;
+    }
+    if spec.rounds > 0 {
+        for _ in 0..3 {
+            rounds::flip_pass(&mut state, FlipGoal::Shape, work)?;
+            rounds::smooth(&mut state, 2, work)?;
+        }
+        rounds::flip_pass(&mut state, FlipGoal::Shape, work)?;
+        chase::chase(&mut state, spec.min_kappa, work)?;
+    }
+    work.step(stages, stages)?;
+    Ok(finish(input, &state))
+}
+
+fn check(input: &SurfaceMesh, assembled: &Assembled, sizes: &SizeField) -> Result<()> {
+    let (vertices, faces) = (assembled.positions.len(), assembled.triangles.len());
+    let fits = assembled.vertex_class.len() == vertices
+        && assembled.vertex_face.len() == vertices
+        && assembled.face_patch.len() == faces
+        && assembled.face_region.len() == faces
+        && sizes.vertex_size.len() == input.positions.len()
+        && assembled.vertex_face.iter().all(|&f| (f as usize) < input.triangles.len());
+    if fits { Ok(()) } else { Err(EngineError::invariant("the arrays of the assembled mesh do not fit each other or the input")) }
+}
+
+/// Numbers what is left in the order it stands.
+fn finish(input: &SurfaceMesh, state: &State<'_>) -> Remeshed {
+    let kernel = &state.mesh;
+    let mut number = vec![u32::MAX; kernel.vertex_slots() as usize];
+    let mut positions = Vec::new();
+    for v in 0..kernel.vertex_slots() {
+        if kernel.is_vertex(v) {
+            number[v as usize] = positions.len() as u32;
+            positions.push(kernel.at(v));
+        }
+    }
+    let mut remeshed = Remeshed::default();
+    let (mut triangles, mut face_region) = (Vec::new(), Vec::new());
+    for f in kernel.faces_left() {
+        let [patch, region] = kernel.label[f as usize];
+        triangles.push(kernel.corners(f).map(|v| number[v as usize]));
+        remeshed.face_patch.push(patch);
+        face_region.push(region);
+        for h in 3 * f..3 * f + 3 {
+            if kernel.is_on_curve(h) && kernel.twin(h).is_none_or(|t| h < t) {
+                let (a, b) = (number[kernel.from(h) as usize], number[kernel.to(h) as usize]);
+                remeshed.curve_edges.push([a.min(b), a.max(b)]);
+            }
+        }
+    }
+    remeshed.curve_edges.sort_unstable();
+    remeshed.mesh = SurfaceMesh { positions, triangles, face_region, regions: input.regions.clone(), unit: input.unit };
+    remeshed
 }

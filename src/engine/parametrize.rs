@@ -1,11 +1,23 @@
 //! Charts: maps of a patch to the plane. Spectral conformal first (P1 section 4), then LSCM, then mean value on a disk when a
 //! check finds flips or overlap (P1 section 8).
 
-use crate::error::{EngineError, Reason, Result};
+mod assembly;
+mod conformal;
+mod domain;
+mod mean_value;
+mod mend;
+mod place;
+mod validity;
+
+use crate::error::{Element, EngineError, ErrorKind, Location, Reason, Result};
 use crate::fingerprint::{Contents, Feeder};
 use crate::patch::Patch;
-use crate::vector::Vec2;
+use crate::vector::{Vec2, distance};
 use crate::work::Work;
+use conformal::{Conformal, as_points};
+use domain::Domain;
+use place::{FaceShapes, chart_areas, distortion, place};
+use validity::{boundary_overlaps, scale_variation};
 
 /// A map to the plane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -97,36 +109,228 @@ impl Contents for ChartOutcome {
     }
 }
 
+/// Largest over smallest local length scale of a usable chart. Conformal maps shrink a tube by e per radius of length: a tube of
+/// 3.5 diameters reaches this (P2 section 3 splits at such aspect ratios, too), and past it the planar mesher runs out of room.
+pub const MAX_SCALE_VARIATION: f64 = 1e3;
+
 /// A factorization of the conformal operator of a patch, reusable by every conformal map of it.
 #[derive(Debug)]
-pub struct ConformalFactor {}
+pub struct ConformalFactor {
+    conformal: Conformal,
+}
 
 impl ConformalFactor {
     /// Bytes held.
     pub fn bytes(&self) -> usize {
-        0
+        self.conformal.bytes()
     }
 }
 
-/// Assembles and factorizes the conformal energy E_D - A of a patch (P1 eq. 17, 22) as one complex Hermitian matrix.
+/// Assembles and factorizes the conformal energy E_D - A of a patch (P1 eq. 17, 22) as one complex Hermitian matrix. Holes are
+/// closed virtually (P1 section 8). Cancellation is seen between assembly and factorization only.
 ///
 /// # Errors
-/// [`Reason::SolverSingular`] if a pivot is not positive or the residual check fails (the chart stage then falls back to mean value).
+/// [`Reason::SolverSingular`] if a pivot is not positive or the residual check fails (the chart stage then falls back to mean
+/// value); [`Reason::LimitReached`] if the factor does not fit into memory; cancellation; broken invariants of the patch.
 pub fn factor_conformal(patch: &Patch, work: &Work<'_>) -> Result<ConformalFactor> {
-    let _ = (patch, work);
-    Err(EngineError::new(Reason::NotBuilt, "conformal factor"))
+    Ok(ConformalFactor { conformal: Conformal::new(&Domain::new(patch)?, work)? })
 }
 
 /// Computes and checks the chart of a patch. `factor` is `Err` if the factorization failed.
 ///
+/// Signs are exact, so a chart that is returned is one-to-one. Few flipped faces are mended first (P1 section 5). A chart whose
+/// length scale varies by more than [`MAX_SCALE_VARIATION`] gives [`ChartOutcome::MustSplit`], also for an explicit method:
+/// the pieces can have it.
+///
 /// # Errors
-/// [`Reason::ChartFailed`] if an explicitly requested method gives no bijective chart; cancellation.
+/// [`Reason::ChartFailed`] if an explicitly requested method gives no bijective chart, with the flipped faces (patch-local ids);
+/// cancellation; broken invariants of the patch.
 pub fn parametrize_patch(
     patch: &Patch,
     factor: std::result::Result<&ConformalFactor, &EngineError>,
     spec: ChartSpec,
     work: &Work<'_>,
 ) -> Result<ChartOutcome> {
-    let _ = (patch, factor, spec, work);
-    Err(EngineError::new(Reason::NotBuilt, "chart"))
+    let domain = Domain::new(patch)?;
+    let shapes = FaceShapes::of(&domain);
+    let conformal = factor.map(|f| &f.conformal);
+    if conformal.is_ok_and(|c| c.size() != domain.size()) {
+        return Err(EngineError::invariant("the factor belongs to another patch"));
+    }
+    let mut attempts = Vec::new();
+    let mut worst = Vec::new();
+    for candidate in candidates(&domain, spec) {
+        work.check()?;
+        let trial = match compute(&domain, conformal, candidate, work) {
+            Ok(uv) => examine(&domain, &shapes, candidate.method(), uv, work)?,
+            Err(e) if stops(&e) => return Err(e),
+            Err(e) => Trial::rejected(candidate.method(), e.message()),
+        };
+        attempts.push(trial.attempt);
+        match trial.verdict {
+            Verdict::Usable(uv, distortion) => {
+                return Ok(ChartOutcome::Mapped(Chart { uv, method: candidate.method(), attempts, distortion }));
+            }
+            Verdict::Crowded(reason) => return Ok(ChartOutcome::MustSplit { attempts, reason }),
+            Verdict::NotBijective(faces) => worst = faces,
+        }
+    }
+    let tried: Vec<String> = attempts.iter().map(|a| format!("{:?}: {}", a.method, a.rejected)).collect();
+    let reason = format!("no chart is one-to-one ({})", tried.join("; "));
+    match spec {
+        ChartSpec::Automatic => Ok(ChartOutcome::MustSplit { attempts, reason }),
+        ChartSpec::Only(method) => Err(EngineError::new(Reason::ChartFailed, format!("the requested method {method:?} fails: {reason}"))
+            .with_hint("let the method be chosen automatically, or split the patch")
+            .with_locations(worst.into_iter().map(|f| face_location(patch, f)))),
+    }
 }
+
+/// A map to try.
+#[derive(Debug, Clone, Copy)]
+enum Candidate {
+    Spectral,
+    Pinned(u32, u32),
+    MeanValue,
+}
+
+impl Candidate {
+    fn method(self) -> ChartMethod {
+        match self {
+            Candidate::Spectral => ChartMethod::SpectralConformal,
+            Candidate::Pinned(..) => ChartMethod::LeastSquaresConformal,
+            Candidate::MeanValue => ChartMethod::MeanValue,
+        }
+    }
+}
+
+/// The maps to try, in the order of P1 figure 23. LSCM has two choices of pins (P1 section 5): the boundary vertices farthest
+/// apart, and a vertex with the one half around the boundary from it.
+fn candidates(domain: &Domain<'_>, spec: ChartSpec) -> Vec<Candidate> {
+    let all = || {
+        let ring = domain.outer();
+        let (p, q) = farthest_pair(domain, ring);
+        let opposite = (p + half_way(domain, p)) % ring.len();
+        let mut list = vec![Candidate::Spectral, Candidate::Pinned(ring[p], ring[q])];
+        if opposite != q && opposite != p {
+            list.push(Candidate::Pinned(ring[p], ring[opposite]));
+        }
+        list.push(Candidate::MeanValue);
+        list
+    };
+    match spec {
+        ChartSpec::Automatic => all(),
+        ChartSpec::Only(method) => all().into_iter().filter(|c| c.method() == method).collect(),
+    }
+}
+
+/// Two places in `ring` far apart in space: farthest from the first, then back and forth until nothing grows.
+fn farthest_pair(domain: &Domain<'_>, ring: &[u32]) -> (usize, usize) {
+    let from = |k: usize| {
+        let centre = domain.positions[ring[k] as usize];
+        let far = |k: usize| distance(centre, domain.positions[ring[k] as usize]);
+        (0..ring.len()).fold((0, -1.0), |best, k| if far(k) > best.1 { (k, far(k)) } else { best })
+    };
+    let (mut p, mut q, mut span) = (0, from(0).0, 0.0);
+    for _ in 0..8 {
+        let (next, length) = from(q);
+        if length <= span {
+            break;
+        }
+        (p, q, span) = (q, next, length);
+    }
+    if p == q { (0, 1) } else { (p, q) }
+}
+
+/// How many edges after vertex `p` of the outer loop half of its length is reached.
+fn half_way(domain: &Domain<'_>, p: usize) -> usize {
+    let lengths = domain.outer_lengths();
+    let half = 0.5 * lengths.iter().sum::<f64>();
+    let mut run = 0.0;
+    (0..lengths.len())
+        .take_while(|k| {
+            run += lengths[(p + k) % lengths.len()];
+            run <= half
+        })
+        .count()
+        .max(1)
+}
+
+fn compute(
+    domain: &Domain<'_>,
+    conformal: std::result::Result<&Conformal, &EngineError>,
+    candidate: Candidate,
+    work: &Work<'_>,
+) -> Result<Vec<Vec2>> {
+    let count = domain.patch.positions.len();
+    match candidate {
+        Candidate::Spectral => Ok(as_points(&conformal.map_err(Clone::clone)?.spectral(work)?.0, count)),
+        Candidate::Pinned(p, q) => Ok(as_points(&conformal.map_err(Clone::clone)?.pinned(p, q, work)?, count)),
+        Candidate::MeanValue => mean_value::mean_value(domain, work),
+    }
+}
+
+/// What the checks say of one map.
+struct Trial {
+    attempt: ChartAttempt,
+    verdict: Verdict,
+}
+
+enum Verdict {
+    Usable(Vec<Vec2>, Distortion),
+    Crowded(String),
+    NotBijective(Vec<u32>),
+}
+
+impl Trial {
+    fn rejected(method: ChartMethod, why: &str) -> Trial {
+        let attempt = ChartAttempt { method, flipped: 0, overlaps: false, rejected: why.to_owned() };
+        Trial { attempt, verdict: Verdict::NotBijective(Vec::new()) }
+    }
+}
+
+fn examine(domain: &Domain<'_>, shapes: &FaceShapes, method: ChartMethod, mut uv: Vec<Vec2>, work: &Work<'_>) -> Result<Trial> {
+    let patch = domain.patch;
+    let area: f64 = shapes.areas.iter().sum();
+    let first = patch.loops[0][0];
+    let mut flipped = Vec::new();
+    // The second pass puts a mended chart back to size, which may round a hair-thin face flat again.
+    for _ in 0..2 {
+        if place(&patch.triangles, first, area, &mut uv).is_none() {
+            return Ok(Trial::rejected(method, "the chart has no area"));
+        }
+        let before = validity::flipped_faces(&patch.triangles, &uv);
+        flipped = if before.is_empty() { before } else { mend::mend_flips(patch, &mut uv, work)? };
+    }
+    let overlaps = boundary_overlaps(&patch.loops, &uv, work)?;
+    let mut attempt = ChartAttempt { method, flipped: flipped.len() as u32, overlaps, rejected: String::new() };
+    if !flipped.is_empty() || overlaps {
+        attempt.rejected = match (flipped.len(), overlaps) {
+            (0, _) => "the boundary runs into itself".to_owned(),
+            (n, false) => format!("{n} flipped faces"),
+            (n, true) => format!("{n} flipped faces and the boundary runs into itself"),
+        };
+        return Ok(Trial { attempt, verdict: Verdict::NotBijective(flipped) });
+    }
+    let variation = scale_variation(&patch.triangles, &shapes.areas, &chart_areas(&patch.triangles, &uv), patch.positions.len());
+    if variation > MAX_SCALE_VARIATION {
+        attempt.rejected = format!("lengths are scaled by factors that differ {variation:.3e} times");
+        let reason = format!("the best chart is too uneven: {}", attempt.rejected);
+        return Ok(Trial { attempt, verdict: Verdict::Crowded(reason) });
+    }
+    let distortion = distortion(&patch.triangles, shapes, &uv);
+    uv.iter_mut().flatten().for_each(|x| *x *= domain.unit);
+    Ok(Trial { attempt, verdict: Verdict::Usable(uv, distortion) })
+}
+
+fn stops(e: &EngineError) -> bool {
+    matches!(e.kind(), ErrorKind::Cancelled | ErrorKind::DeadlineExceeded | ErrorKind::Internal)
+}
+
+fn face_location(patch: &Patch, face: u32) -> Location {
+    let corners = patch.triangles[face as usize].map(|v| patch.positions[v as usize]);
+    let position = std::array::from_fn(|k| (corners[0][k] + corners[1][k] + corners[2][k]) / 3.0);
+    Location { element: Element::Face, ids: vec![face], position }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,11 +1,23 @@
 //! Partition of a surface into patches of genus 0 with a boundary (P2 eq. 5), by a multilevel cut of the dual graph.
 
+mod bisect;
+mod divide;
+mod graph;
+mod merge;
+mod smooth;
+mod surface;
+#[cfg(test)]
+mod tests;
+
 use crate::error::{EngineError, Reason, Result};
 use crate::features::Features;
 use crate::fingerprint::{Contents, Feeder};
 use crate::mesh::SurfaceMesh;
 use crate::topology::Topology;
 use crate::work::Work;
+use divide::Divider;
+use merge::Goal;
+use surface::{Limits, Surface, measure};
 
 /// How to partition.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,14 +85,138 @@ pub fn partition_surface(
     spec: &PartitionSpec,
     work: &Work<'_>,
 ) -> Result<Partition> {
-    let _ = (mesh, topology, features, spec, work);
-    Err(EngineError::new(Reason::NotBuilt, "partition"))
+    check_spec(spec)?;
+    check_sizes(mesh, topology, features)?;
+    let surface = Surface::new(mesh, topology, features);
+    let limits = Limits::new(spec);
+    let faces = topology.face_count();
+    let wanted = spec.patches.map_or(f64::INFINITY, |k| faces as f64 / f64::from(k));
+    let mut divider = Divider::new(&surface, limits, f64::from(spec.max_patch_faces).min(PLAN_SLACK * wanted).max(1.0));
+    let mut done = 0;
+    for group in face_groups(&surface) {
+        done += group.len();
+        divider.divide(group, work)?;
+        work.step(done, 2 * faces)?;
+    }
+    let Divider { mut label, mut scratch, .. } = divider;
+    let goal = Goal { patches: spec.patches, limits };
+    smooth::smooth_borders(&surface, &mut label, limits, work)?;
+    merge::merge_patches(&surface, &mut label, &goal, &mut scratch, work)?;
+    smooth::smooth_borders(&surface, &mut label, limits, work)?;
+    finish(&surface, label, limits, work)
 }
 
-/// Splits the listed patches in two (those whose chart failed) and leaves all others' face sets as they are.
+/// With a wanted number of patches, a patch may be this much larger than the mean.
+const PLAN_SLACK: f64 = 1.12;
+
+fn check_spec(spec: &PartitionSpec) -> Result<()> {
+    if spec.patches == Some(0) {
+        return Err(EngineError::bad_parameter("patches", "must be at least 1"));
+    }
+    if spec.max_patch_faces == 0 {
+        return Err(EngineError::bad_parameter("max_patch_faces", "must be at least 1"));
+    }
+    // A flat disc has eta = 1/4, a hemisphere 1/2.
+    if !(spec.max_aspect_ratio >= 0.5) {
+        return Err(EngineError::bad_parameter("max_aspect_ratio", "must be at least 0.5 (the value of a hemisphere)"));
+    }
+    Ok(())
+}
+
+fn check_sizes(mesh: &SurfaceMesh, topology: &Topology, features: &Features) -> Result<()> {
+    let faces = topology.face_count();
+    if mesh.triangles.len() != faces || features.is_feature.len() != 3 * faces || mesh.positions.len() != topology.vertex_count() {
+        return Err(EngineError::invariant("mesh, topology and features are not of the same surface"));
+    }
+    Ok(())
+}
+
+/// Connected sets of faces that no closed chain of feature edges divides; in order of their lowest face.
+fn face_groups(surface: &Surface<'_>) -> Vec<Vec<u32>> {
+    let mut seen = vec![false; surface.topology.face_count()];
+    let mut groups = Vec::new();
+    for seed in 0..seen.len() as u32 {
+        if std::mem::replace(&mut seen[seed as usize], true) {
+            continue;
+        }
+        let mut group = vec![seed];
+        let mut head = 0;
+        while head < group.len() {
+            let f = group[head];
+            head += 1;
+            for g in (3 * f..3 * f + 3).filter_map(|h| surface.crossing(h)) {
+                if !std::mem::replace(&mut seen[g as usize], true) {
+                    group.push(g);
+                }
+            }
+        }
+        groups.push(group);
+    }
+    groups
+}
+
+/// Faces of each patch, increasing.
+fn faces_by_patch(label: &[u32]) -> Vec<Vec<u32>> {
+    let count = label.iter().max().map_or(0, |&p| p as usize + 1);
+    let mut size = vec![0usize; count];
+    for &p in label {
+        size[p as usize] += 1;
+    }
+    let mut faces: Vec<Vec<u32>> = size.into_iter().map(Vec::with_capacity).collect();
+    for (f, &p) in label.iter().enumerate() {
+        faces[p as usize].push(f as u32);
+    }
+    faces
+}
+
+/// Numbers patches by their lowest face.
+fn renumber(label: &mut [u32]) {
+    let count = label.iter().max().map_or(0, |&p| p as usize + 1);
+    let mut name = vec![u32::MAX; count];
+    let mut next = 0;
+    for p in label {
+        let new = &mut name[*p as usize];
+        if *new == u32::MAX {
+            *new = next;
+            next += 1;
+        }
+        *p = *new;
+    }
+}
+
+/// Checks every patch, divides those that smoothing or merging has made invalid, numbers and measures them.
+fn finish(surface: &Surface<'_>, mut label: Vec<u32>, limits: Limits, work: &Work<'_>) -> Result<Partition> {
+    renumber(&mut label);
+    let mut divider = Divider::new(surface, limits, f64::from(limits.faces));
+    let all = faces_by_patch(&label);
+    divider.next_label = all.len() as u32;
+    divider.label = label;
+    for (p, faces) in all.into_iter().enumerate() {
+        work.check()?;
+        let piece = measure(surface, &divider.label, &faces, p as u32, &mut divider.scratch);
+        if !piece.is_valid(&limits) {
+            divider.divide(faces, work)?;
+        }
+    }
+    let Divider { mut label, mut scratch, .. } = divider;
+    renumber(&mut label);
+    let mut patches = Vec::new();
+    for (p, faces) in faces_by_patch(&label).iter().enumerate() {
+        let piece = measure(surface, &label, faces, p as u32, &mut scratch);
+        if piece.genus() != 0 || piece.loops == 0 {
+            return Err(EngineError::new(Reason::PatchTopology, format!("patch {p} has genus {} and {} boundary loops", piece.genus(), piece.loops))
+                .with_locations(faces.iter().map(|&f| surface.mesh.face_location(f as usize))));
+        }
+        patches.push(piece.summary());
+    }
+    Ok(Partition { face_patch: label, patches })
+}
+
+/// Splits the listed patches in two (those whose chart failed) and leaves all others' face sets as they are. A patch listed
+/// twice is split once. The parts are connected, of genus 0, and each has at least about a quarter of the area where the mesh allows.
 ///
 /// # Errors
-/// [`Reason::PatchTopology`] (with locations) if a patch is too small to split.
+/// [`Reason::PatchNotFound`] for a number that is no patch; [`Reason::PatchTopology`] (with locations) if a patch is too small to split.
 pub fn split_patches(
     mesh: &SurfaceMesh,
     topology: &Topology,
@@ -89,6 +225,30 @@ pub fn split_patches(
     split: &[u32],
     work: &Work<'_>,
 ) -> Result<Partition> {
-    let _ = (mesh, topology, features, partition, split, work);
-    Err(EngineError::new(Reason::NotBuilt, "patch split"))
+    check_sizes(mesh, topology, features)?;
+    if partition.face_patch.len() != topology.face_count() {
+        return Err(EngineError::invariant("the partition is not of this surface"));
+    }
+    let surface = Surface::new(mesh, topology, features);
+    let all = faces_by_patch(&partition.face_patch);
+    let limits = Limits { faces: u32::MAX, loops: u32::MAX, aspect_ratio: f64::INFINITY };
+    let mut divider = Divider::new(&surface, limits, f64::from(u32::MAX));
+    divider.label.clone_from(&partition.face_patch);
+    divider.next_label = all.len() as u32;
+    let mut listed: Vec<u32> = split.to_vec();
+    listed.sort_unstable();
+    listed.dedup();
+    for &p in &listed {
+        work.check()?;
+        let Some(faces) = all.get(p as usize).filter(|faces| !faces.is_empty()) else {
+            return Err(EngineError::new(Reason::PatchNotFound, format!("there is no patch {p}; there are {}", all.len())));
+        };
+        if faces.len() < 2 {
+            return Err(EngineError::new(Reason::PatchTopology, format!("patch {p} is a single face and cannot be split"))
+                .with_locations(faces.iter().map(|&f| mesh.face_location(f as usize))));
+        }
+        let (_, second) = divider.halve(faces, 1.0, work)?;
+        divider.name(&second);
+    }
+    finish(&surface, divider.label, limits, work)
 }

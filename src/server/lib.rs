@@ -1,1 +1,19 @@
-//! placeholder
+//! The gRPC service of remeshd over the engine: conversion, limits, scheduling, streaming, shutdown.
+//!
+//! [`serve`] listens on a socket; [`in_process`] is the same service on a private pipe for a program that wants no daemon.
+//! Tokio only moves bytes: computation runs on blocking threads under permits ([`dispatch`]). Only [`convert`] sees both engine and
+//! wire types, only [`status`] makes a `tonic::Status`.
+
+pub mod config;
+
+mod convert;
+mod dispatch;
+mod progress;
+mod serve;
+mod service;
+mod state;
+mod status;
+mod stream;
+
+pub use config::{Clock, ServerConfig};
+pub use serve::{ServeError, in_process, serve};

@@ -1,0 +1,126 @@
+//! What every reader fills: positions, triangles and regions as the file has them, before any repair.
+
+use crate::error::{EngineError, Reason, Result};
+use crate::mesh::{LengthUnit, Region, SurfaceMesh};
+use crate::vector::Vec3;
+use crate::work::Work;
+use std::collections::HashMap;
+
+/// A surface as a file states it: indices are not checked, nothing is welded.
+#[derive(Debug, Default)]
+pub(crate) struct RawSurface {
+    pub(crate) format: String,
+    pub(crate) positions: Vec<Vec3>,
+    pub(crate) triangles: Vec<[u32; 3]>,
+    pub(crate) face_region: Vec<u32>,
+    pub(crate) regions: Regions,
+    pub(crate) unit: Option<LengthUnit>,
+    pub(crate) warnings: Vec<String>,
+    pub(crate) max_faces: u64,
+}
+
+impl RawSurface {
+    pub(crate) fn new(max_faces: u64) -> Self {
+        RawSurface { max_faces, ..Default::default() }
+    }
+
+    /// Appends a triangle.
+    #[inline]
+    pub(crate) fn push_triangle(&mut self, corners: [u32; 3], region: u32) -> Result<()> {
+        if self.triangles.len() as u64 >= self.max_faces {
+            return Err(EngineError::new(Reason::LimitReached, format!("the file has more than {} faces", self.max_faces))
+                .with_hint("raise max_faces if the machine has the memory"));
+        }
+        self.triangles.push(corners);
+        self.face_region.push(region);
+        Ok(())
+    }
+
+    /// Appends a polygon as a fan around its first corner; fewer than three corners add nothing.
+    pub(crate) fn push_polygon(&mut self, corners: &[u32], region: u32) -> Result<()> {
+        for k in 1..corners.len().saturating_sub(1) {
+            self.push_triangle([corners[0], corners[k], corners[k + 1]], region)?;
+        }
+        Ok(())
+    }
+
+    /// Appends a vertex and gives its index.
+    #[inline]
+    pub(crate) fn push_vertex(&mut self, position: Vec3) -> Result<u32> {
+        let index = u32::try_from(self.positions.len()).ok().filter(|&i| i < u32::MAX - 1);
+        self.positions.push(position);
+        index.ok_or_else(|| EngineError::new(Reason::LimitReached, "the file has more than 4294967294 vertices"))
+    }
+
+    /// The mesh, with the unit of the file or else the assumed one.
+    pub(crate) fn into_mesh(self, assume_unit: LengthUnit) -> SurfaceMesh {
+        let mut regions = self.regions.list;
+        if regions.is_empty() {
+            regions.push(Region { id: 0, name: String::new() });
+        }
+        SurfaceMesh {
+            positions: self.positions,
+            triangles: self.triangles,
+            face_region: self.face_region,
+            regions,
+            unit: self.unit.unwrap_or(assume_unit),
+        }
+    }
+}
+
+/// The regions met so far; a region is found again by its id and name.
+#[derive(Debug, Default)]
+pub(crate) struct Regions {
+    pub(crate) list: Vec<Region>,
+    by_key: HashMap<(i64, String), u32>,
+    by_name: HashMap<String, u32>,
+}
+
+impl Regions {
+    /// The index of the region with this id and name, made if it is new.
+    pub(crate) fn numbered(&mut self, id: i64, name: &str) -> u32 {
+        if let Some(&index) = self.by_key.get(&(id, name.to_owned())) {
+            return index;
+        }
+        let index = self.list.len() as u32;
+        self.by_key.insert((id, name.to_owned()), index);
+        self.list.push(Region { id, name: name.to_owned() });
+        index
+    }
+
+    /// The index of the region with this name in a format that has names only. Ids are given in order, from 1.
+    /// A name `region_<n>` is how our writers spell region `n` without a name, and is read back as that.
+    pub(crate) fn named(&mut self, name: &str) -> u32 {
+        if let Some(&index) = self.by_name.get(name) {
+            return index;
+        }
+        let index = match unnamed_id(name) {
+            Some(id) => self.numbered(id, ""),
+            None => self.numbered(self.list.len() as i64 + 1, name),
+        };
+        self.by_name.insert(name.to_owned(), index);
+        index
+    }
+}
+
+/// The id in a stand-in name made by [`stand_in_name`].
+fn unnamed_id(name: &str) -> Option<i64> {
+    let id: i64 = name.strip_prefix("region_")?.parse().ok()?;
+    (name == format!("region_{id}")).then_some(id)
+}
+
+/// How a region is called in a format that has names only: its name, or `region_<id>` if it has none.
+pub(crate) fn stand_in_name(region: &Region) -> String {
+    if region.name.is_empty() { format!("region_{}", region.id) } else { one_line(&region.name) }
+}
+
+/// The text without control characters, so that it fits into a line of a text format.
+pub(crate) fn one_line(name: &str) -> String {
+    name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect::<String>().trim().to_owned()
+}
+
+/// Checks for cancellation every 65536th time.
+#[inline]
+pub(crate) fn checkpoint(work: &Work<'_>, count: usize) -> Result<()> {
+    if count & 0xffff == 0 { work.check() } else { Ok(()) }
+}

@@ -1,0 +1,157 @@
+//! The input surface as the optimisation sees it: projection by walking from a face nearby, normals, wanted sizes.
+
+use crate::bvh::{TriangleBvh, closest_on_triangle};
+use crate::mesh::SurfaceMesh;
+use crate::sizing::SizeField;
+use crate::vector::{Vec3, add, add_scaled, area_vector_twice, dot, scale, sub, unit};
+
+/// A point of the input.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Foot {
+    pub(super) face: u32,
+    pub(super) position: Vec3,
+    pub(super) barycentric: [f64; 3],
+    pub(super) distance_squared: f64,
+}
+
+/// The input with its faces by vertex.
+pub(super) struct Input<'a> {
+    mesh: &'a SurfaceMesh,
+    bvh: &'a TriangleBvh,
+    sizes: &'a SizeField,
+    first: Vec<u32>,
+    faces: Vec<u32>,
+    face_normal: Vec<Vec3>,
+    vertex_normal: Vec<Vec3>,
+}
+
+/// Steps of a walk before it gives up; a walk moves less than an element, across a few input faces.
+const MOST_STEPS: usize = 200;
+
+impl<'a> Input<'a> {
+    pub(super) fn new(mesh: &'a SurfaceMesh, bvh: &'a TriangleBvh, sizes: &'a SizeField) -> Self {
+        let mut first = vec![0u32; mesh.positions.len() + 1];
+        for &v in mesh.triangles.as_flattened() {
+            first[v as usize + 1] += 1;
+        }
+        for v in 0..mesh.positions.len() {
+            first[v + 1] += first[v];
+        }
+        let mut fill = first.clone();
+        let mut faces = vec![0; mesh.triangles.len() * 3];
+        let mut face_normal = Vec::with_capacity(mesh.triangles.len());
+        let mut vertex_normal = vec![[0.0; 3]; mesh.positions.len()];
+        for (f, t) in mesh.triangles.iter().enumerate() {
+            let [a, b, c] = mesh.corners(f);
+            let area = area_vector_twice(a, b, c);
+            face_normal.push(unit(area));
+            for &v in t {
+                faces[fill[v as usize] as usize] = f as u32;
+                fill[v as usize] += 1;
+                vertex_normal[v as usize] = add(vertex_normal[v as usize], area);
+            }
+        }
+        vertex_normal.iter_mut().for_each(|n| *n = unit(*n));
+        Input { mesh, bvh, sizes, first, faces, face_normal, vertex_normal }
+    }
+
+    fn on_face(&self, p: Vec3, face: u32) -> Foot {
+        let (position, barycentric) = closest_on_triangle(p, &self.mesh.corners(face as usize));
+        let offset = sub(p, position);
+        Foot { face, position, barycentric, distance_squared: dot(offset, offset) }
+    }
+
+    fn faces_of(&self, v: u32) -> &[u32] {
+        &self.faces[self.first[v as usize] as usize..self.first[v as usize + 1] as usize]
+    }
+
+    /// Descends from a face to the closest point of the surface around: stays on the same sheet where another one is near.
+    pub(super) fn walk(&self, p: Vec3, from: u32) -> Foot {
+        let mut best = self.on_face(p, from);
+        for _ in 0..MOST_STEPS {
+            let corners = self.mesh.triangles[best.face as usize];
+            let touched = best.barycentric.map(|w| w > 0.0);
+            let better = match touched {
+                [true, true, true] => None,
+                _ => {
+                    let pivot = if touched[0] {
+                        0
+                    } else if touched[1] {
+                        1
+                    } else {
+                        2
+                    };
+                    // On an edge only the face across it has the other end too; at a corner every face around may be nearer.
+                    let other = (pivot + 1..3).find(|&k| touched[k]).map(|k| corners[k]);
+                    self.best_around(p, best, corners[pivot], other)
+                }
+            };
+            match better {
+                Some(foot) => best = foot,
+                None => break,
+            }
+        }
+        best
+    }
+
+    fn best_around(&self, p: Vec3, at: Foot, pivot: u32, other: Option<u32>) -> Option<Foot> {
+        let mut best: Option<Foot> = None;
+        let mut bound = at.distance_squared * (1.0 - 1e-12);
+        for &f in self.faces_of(pivot) {
+            if f == at.face || other.is_some_and(|v| !self.mesh.triangles[f as usize].contains(&v)) {
+                continue;
+            }
+            let foot = self.on_face(p, f);
+            if foot.distance_squared < bound {
+                bound = foot.distance_squared;
+                best = Some(foot);
+            }
+        }
+        best
+    }
+
+    /// The closest point by walking, or by the tree where the walk ends farther away than `far` and the tree finds a point at most
+    /// half as far on a side that looks the same way.
+    pub(super) fn project(&self, p: Vec3, from: u32, far: f64) -> Foot {
+        let foot = self.walk(p, from);
+        if foot.distance_squared <= far * far {
+            return foot;
+        }
+        match self.bvh.closest_below(p, 0.25 * foot.distance_squared, 0.0) {
+            Some(hit) if dot(self.face_normal[hit.face as usize], self.normal(&foot)) > 0.3 => self.on_face(p, hit.face),
+            _ => foot,
+        }
+    }
+
+    /// Normal of the face.
+    pub(super) fn face_normal(&self, foot: &Foot) -> Vec3 {
+        self.face_normal[foot.face as usize]
+    }
+
+    /// Normal interpolated between the vertices, unit length (zero on a knife edge).
+    pub(super) fn normal(&self, foot: &Foot) -> Vec3 {
+        let t = self.mesh.triangles[foot.face as usize];
+        let sum = (0..3).fold([0.0; 3], |s, k| add_scaled(s, self.vertex_normal[t[k] as usize], foot.barycentric[k]));
+        unit(sum)
+    }
+
+    /// Wanted edge length.
+    pub(super) fn size(&self, foot: &Foot) -> f64 {
+        if let Some(size) = self.sizes.uniform {
+            return size;
+        }
+        let t = self.mesh.triangles[foot.face as usize];
+        (0..3).map(|k| foot.barycentric[k] * self.sizes.vertex_size[t[k] as usize]).sum()
+    }
+
+    /// Whether a triangle with this area vector looks the way of the surface at the foot of its middle.
+    pub(super) fn agrees(&self, area: Vec3, foot: &Foot, least_cosine: f64) -> bool {
+        let n = unit(area);
+        dot(n, self.face_normal(foot)) > least_cosine || dot(n, self.normal(foot)) > least_cosine
+    }
+}
+
+/// Middle of three points.
+pub(super) fn middle([a, b, c]: [Vec3; 3]) -> Vec3 {
+    scale(add(add(a, b), c), 1.0 / 3.0)
+}

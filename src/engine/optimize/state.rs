@@ -1,0 +1,314 @@
+//! The mesh under optimisation with the foot of every vertex on the input, and the guarded local operations.
+
+use super::input::{Foot, Input, middle};
+use super::kernel::{Kernel, next, prev};
+use crate::assemble::{Assembled, VertexClass};
+use crate::error::Result;
+use crate::vector::{Vec3, add, add_scaled, area_vector_twice, distance, dot, kappa, lerp, norm, scale, sub};
+
+/// Least cosine between a face before and after an operation.
+const TURN: f64 = 0.3;
+/// Least cosine between a face and the normal of the input under its middle, where it is asked for.
+const AGREE: f64 = 0.25;
+/// Edge midpoints may be this far from the input, in local sizes, without further question.
+const SAG: f64 = 0.1;
+/// Curve vertices may be dropped when the curve moves by no more than this, in local sizes.
+const CURVE_SAG: f64 = 0.03;
+
+/// What is being optimised.
+pub(super) struct State<'a> {
+    pub(super) input: Input<'a>,
+    pub(super) mesh: Kernel,
+    /// Face of the input under each vertex.
+    pub(super) foot: Vec<u32>,
+    /// Wanted edge length at each vertex.
+    pub(super) size: Vec<f64>,
+    /// Normal of the input at each vertex; means nothing on curves.
+    normal: Vec<Vec3>,
+}
+
+impl<'a> State<'a> {
+    pub(super) fn new(input: Input<'a>, assembled: &Assembled) -> Result<Self> {
+        let mesh = Kernel::new(assembled)?;
+        let mut state = State { input, mesh, foot: assembled.vertex_face.clone(), size: Vec::new(), normal: Vec::new() };
+        for v in 0..state.mesh.vertex_slots() {
+            let foot = state.input.walk(state.mesh.at(v), state.foot[v as usize]);
+            state.foot[v as usize] = foot.face;
+            state.size.push(state.input.size(&foot));
+            state.normal.push(state.input.normal(&foot));
+        }
+        Ok(state)
+    }
+
+    /// Moves a vertex onto its foot.
+    pub(super) fn place(&mut self, v: u32, foot: &Foot) {
+        let i = v as usize;
+        self.mesh.position[i] = foot.position;
+        self.foot[i] = foot.face;
+        self.size[i] = self.input.size(foot);
+        self.normal[i] = self.input.normal(foot);
+    }
+
+    pub(super) fn is_free(&self, v: u32) -> bool {
+        self.mesh.class[v as usize] == VertexClass::Free
+    }
+
+    /// Length of an edge over the wanted one.
+    #[inline]
+    pub(super) fn ratio(&self, h: u32) -> f64 {
+        let (a, b) = (self.mesh.from(h), self.mesh.to(h));
+        self.ratio_of(a, b)
+    }
+
+    pub(super) fn ratio_of(&self, a: u32, b: u32) -> f64 {
+        distance(self.mesh.at(a), self.mesh.at(b)) / (0.5 * (self.size[a as usize] + self.size[b as usize]))
+    }
+
+    pub(super) fn kappa(&self, f: u32) -> f64 {
+        let [a, b, c] = self.mesh.points(f);
+        kappa(a, b, c)
+    }
+
+    /// Least kappa of the faces around a vertex.
+    pub(super) fn star_kappa(&self, v: u32) -> f64 {
+        self.mesh.around(v).map(|h| self.kappa(h / 3)).fold(1.0, f64::min)
+    }
+
+    /// Distance from the input to the middle of a segment that starts at a vertex.
+    fn sag(&self, from: u32, p: Vec3, q: Vec3) -> f64 {
+        self.input.walk(lerp(p, q, 0.5), self.foot[from as usize]).distance_squared.sqrt()
+    }
+
+    /// Whether the face with these corners, the first of which is near vertex `near`, looks the way of the input.
+    fn agrees(&self, near: u32, corners: [Vec3; 3]) -> bool {
+        let foot = self.input.walk(middle(corners), self.foot[near as usize]);
+        self.input.agrees(area_vector_twice(corners[0], corners[1], corners[2]), &foot, AGREE)
+    }
+
+    /// Gain of flipping an edge: least kappa after and before; `None` if connectivity forbids it or the surface would fold.
+    pub(super) fn flip_kappa(&self, h: u32) -> Option<(f64, f64)> {
+        let t = self.mesh.twin(h)?;
+        if self.mesh.is_on_curve(h) {
+            return None;
+        }
+        let [a, b, c, d] = [self.mesh.from(h), self.mesh.from(t), self.mesh.apex(h), self.mesh.apex(t)].map(|v| self.mesh.at(v));
+        let (old, new) = ([[a, b, c], [b, a, d]], [[a, d, c], [d, b, c]]);
+        let least = |faces: &[[Vec3; 3]; 2]| faces.iter().map(|f| kappa(f[0], f[1], f[2])).fold(1.0, f64::min);
+        Some((least(&new), least(&old)))
+    }
+
+    /// Flips an edge if the surface neither folds nor leaves the input.
+    pub(super) fn try_flip(&mut self, h: u32) -> bool {
+        if !self.mesh.can_flip(h) {
+            return false;
+        }
+        let Some(t) = self.mesh.twin(h) else { return false };
+        let ends = [self.mesh.from(h), self.mesh.from(t), self.mesh.apex(h), self.mesh.apex(t)];
+        let [a, b, c, d] = ends.map(|v| self.mesh.at(v));
+        let (m, n) = (area_vector_twice(a, b, c), area_vector_twice(b, a, d));
+        let (p, q) = (area_vector_twice(a, d, c), area_vector_twice(d, b, c));
+        let old = add(m, n);
+        if cosine(p, old) < TURN || cosine(q, old) < TURN {
+            return false;
+        }
+        if cosine(m, n) < 0.97 || cosine(p, q) < 0.97 {
+            let (now, then) = (self.sag(ends[0], a, b), self.sag(ends[2], c, d));
+            let local = self.size[ends[2] as usize];
+            if then > (SAG * local).max(now) {
+                return false;
+            }
+            let agree = |s: &Self| s.agrees(ends[0], [a, d, c]) && s.agrees(ends[1], [b, c, d]);
+            if !agree(self) {
+                return false;
+            }
+        }
+        self.mesh.flip(h);
+        true
+    }
+
+    /// Splits an edge at its middle (projected, off curves), unless the surface would fold.
+    pub(super) fn try_split(&mut self, h: u32) -> Option<u32> {
+        let (a, b) = (self.mesh.from(h), self.mesh.to(h));
+        let (pa, pb) = (self.mesh.at(a), self.mesh.at(b));
+        let at = lerp(pa, pb, 0.5);
+        let local = 0.5 * (self.size[a as usize] + self.size[b as usize]);
+        let mut foot = self.input.project(at, self.foot[a as usize], 0.5 * local);
+        if self.mesh.is_on_curve(h) {
+            foot.position = at;
+        }
+        let p = foot.position;
+        for side in [Some(h), self.mesh.twin(h)].into_iter().flatten() {
+            let (x, y, z) = (self.mesh.at(self.mesh.from(side)), self.mesh.at(self.mesh.to(side)), self.mesh.at(self.mesh.apex(side)));
+            let old = area_vector_twice(x, y, z);
+            if cosine(area_vector_twice(x, p, z), old) < TURN || cosine(area_vector_twice(p, y, z), old) < TURN {
+                return None;
+            }
+        }
+        let v = self.mesh.split(h, p);
+        self.foot.push(foot.face);
+        self.size.push(self.input.size(&foot));
+        self.normal.push(self.input.normal(&foot));
+        Some(v)
+    }
+
+    /// Where the vertex goes when `h` is collapsed into the vertex it reaches.
+    pub(super) fn collapse_target(&self, h: u32) -> Option<Foot> {
+        let (a, b) = (self.mesh.from(h), self.mesh.to(h));
+        let (pa, pb) = (self.mesh.at(a), self.mesh.at(b));
+        if self.is_free(a) && self.is_free(b) {
+            let local = 0.5 * (self.size[a as usize] + self.size[b as usize]);
+            return Some(self.input.project(lerp(pa, pb, 0.5), self.foot[b as usize], 0.5 * local));
+        }
+        Some(self.own_foot(b))
+    }
+
+    /// A vertex as its own foot.
+    pub(super) fn own_foot(&self, v: u32) -> Foot {
+        let walked = self.input.walk(self.mesh.at(v), self.foot[v as usize]);
+        Foot { position: self.mesh.at(v), ..walked }
+    }
+
+    /// Faces that a collapse of `h` to `p` leaves, as (corner positions before, after, an outer vertex).
+    fn collapse_star(&self, h: u32, p: Vec3) -> Vec<([Vec3; 3], [Vec3; 3], u32)> {
+        let (a, b) = (self.mesh.from(h), self.mesh.to(h));
+        let gone = [h / 3, self.mesh.twin(h).map_or(h / 3, |t| t / 3)];
+        let mut star = Vec::with_capacity(16);
+        for v in [a, b] {
+            for g in self.mesh.around(v) {
+                if !gone.contains(&(g / 3)) {
+                    let (y, z) = (self.mesh.to(g), self.mesh.apex(g));
+                    let (py, pz) = (self.mesh.at(y), self.mesh.at(z));
+                    star.push(([self.mesh.at(v), py, pz], [p, py, pz], y));
+                }
+            }
+        }
+        star
+    }
+
+    /// Least kappa after and before a collapse and the longest edge after it over its size.
+    pub(super) fn collapse_kappa(&self, h: u32, p: Vec3) -> (f64, f64, f64) {
+        let size = self.size[self.mesh.to(h) as usize];
+        let mut result = (1f64, self.kappa(h / 3), 0f64);
+        if let Some(t) = self.mesh.twin(h) {
+            result.1 = result.1.min(self.kappa(t / 3));
+        }
+        for (old, new, _) in self.collapse_star(h, p) {
+            result.0 = result.0.min(kappa(new[0], new[1], new[2]));
+            result.1 = result.1.min(kappa(old[0], old[1], old[2]));
+            result.2 = result.2.max(distance(new[0], new[1]) / size).max(distance(new[0], new[2]) / size);
+        }
+        result
+    }
+
+    /// Collapses `h` into the vertex it reaches, at `foot`, if topology, curves, normals and the distance to the input allow it.
+    pub(super) fn try_collapse(&mut self, h: u32, foot: &Foot) -> bool {
+        if !self.mesh.can_collapse(h) {
+            return false;
+        }
+        let (a, b) = (self.mesh.from(h), self.mesh.to(h));
+        let local = 0.5 * (self.size[a as usize] + self.size[b as usize]);
+        if self.mesh.is_on_curve(h) && !self.curve_stays(h, CURVE_SAG * local) {
+            return false;
+        }
+        let star = self.collapse_star(h, foot.position);
+        let mut dropped = f64::INFINITY;
+        for (old, new, outer) in &star {
+            let (m, n) = (area_vector_twice(old[0], old[1], old[2]), area_vector_twice(new[0], new[1], new[2]));
+            let c = cosine(m, n);
+            if c < TURN {
+                return false;
+            }
+            let (now, then) = (self.sag(*outer, old[0], old[1]), self.sag(*outer, new[0], new[1]));
+            if then > (SAG * local).max(now) || (c < 0.9 && !self.agrees(*outer, *new)) {
+                return false;
+            }
+            let near = crate::bvh::closest_on_triangle(self.mesh.at(a), new).0;
+            dropped = dropped.min(distance(near, self.mesh.at(a)));
+        }
+        if dropped > 2.0 * SAG * local {
+            return false;
+        }
+        self.mesh.collapse(h);
+        if self.is_free(b) {
+            self.place(b, foot);
+        }
+        true
+    }
+
+    /// Whether dropping the curve vertex `h` leaves moves its curve by no more than `most`.
+    fn curve_stays(&self, h: u32, most: f64) -> bool {
+        let (a, b) = (self.mesh.from(h), self.mesh.to(h));
+        let before = self.curve_neighbours(a).into_iter().find(|&v| v != b);
+        let Some(before) = before else { return false };
+        let (p, q, r) = (self.mesh.at(before), self.mesh.at(b), self.mesh.at(a));
+        let along = sub(q, p);
+        let t = (dot(sub(r, p), along) / dot(along, along).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        distance(r, lerp(p, q, t)) <= most
+    }
+
+    /// The vertices joined to a vertex by curve edges.
+    pub(super) fn curve_neighbours(&self, v: u32) -> Vec<u32> {
+        let mut found = Vec::new();
+        for h in self.mesh.around(v) {
+            if self.mesh.is_on_curve(h) {
+                found.push(self.mesh.to(h));
+            }
+            if self.mesh.is_boundary(prev(h)) {
+                found.push(self.mesh.from(prev(h)));
+            }
+        }
+        found
+    }
+
+    /// Whether the star of a vertex moved to `p` keeps the way its faces look; the least kappa then.
+    pub(super) fn star_at(&self, v: u32, p: Vec3, normal: Vec3) -> Option<f64> {
+        let mut least = 1f64;
+        for h in self.mesh.around(v) {
+            let (q, r) = (self.mesh.at(self.mesh.to(h)), self.mesh.at(self.mesh.apex(h)));
+            let n = area_vector_twice(p, q, r);
+            if dot(n, normal) < TURN * norm(n) {
+                return None;
+            }
+            least = least.min(kappa(p, q, r));
+        }
+        Some(least)
+    }
+
+    /// Sum of the area vectors around a vertex.
+    pub(super) fn star_normal(&self, v: u32) -> Vec3 {
+        let sum = self.mesh.around(v).fold([0.0; 3], |s, h| add(s, self.mesh.area_vector(h / 3)));
+        crate::vector::unit(sum)
+    }
+
+    /// Projects a point near a vertex.
+    pub(super) fn project_near(&self, v: u32, p: Vec3) -> Foot {
+        self.input.project(p, self.foot[v as usize], 0.5 * self.size[v as usize])
+    }
+}
+
+/// Cosine of the angle between two vectors; -1 if one is zero.
+pub(super) fn cosine(a: Vec3, b: Vec3) -> f64 {
+    let n = dot(a, a) * dot(b, b);
+    if n > 0.0 { dot(a, b) / n.sqrt() } else { -1.0 }
+}
+
+/// The part of a vector at right angles to a unit vector.
+pub(super) fn tangential(a: Vec3, unit: Vec3) -> Vec3 {
+    add_scaled(a, unit, -dot(a, unit))
+}
+
+/// Area centroid of the star of a vertex, each face weighted for the wanted sizes: area / size^4 makes the faces' areas follow the
+/// square of the size.
+pub(super) fn star_centroid(state: &State<'_>, v: u32) -> Vec3 {
+    let p = state.mesh.at(v);
+    let (mut sum, mut total) = ([0.0; 3], 0.0);
+    for h in state.mesh.around(v) {
+        let (y, z) = (state.mesh.from(next(h)), state.mesh.apex(h));
+        let (q, r) = (state.mesh.at(y), state.mesh.at(z));
+        let size = (state.size[v as usize] + state.size[y as usize] + state.size[z as usize]) / 3.0;
+        let weight = norm(area_vector_twice(p, q, r)) / (size * size * size * size);
+        sum = add_scaled(sum, middle([p, q, r]), weight);
+        total += weight;
+    }
+    if total > 0.0 { scale(sum, 1.0 / total) } else { p }
+}

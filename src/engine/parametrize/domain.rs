@@ -1,0 +1,162 @@
+//! What the maps are computed on: the patch in normalised coordinates, its holes closed by virtual caps (P1 section 8).
+//!
+//! Every boundary loop but the longest gets one more vertex, at its centroid, and the fan of triangles to it. So every domain is a
+//! disc: an annulus has no second conformal map (z and 1/z) to be confused with the first, inner loops cannot run across one
+//! another, and the convex combination theorem holds. The caps never leave this module's callers.
+
+use crate::error::{EngineError, Result};
+use crate::patch::Patch;
+use crate::vector::{Vec2, Vec3, add, bounds, cross, distance, dot, norm, scale, sub};
+
+/// Smallest height over longest side with which a triangle enters an operator. Thinner ones are taken as this thick: the
+/// operator stays an exact finite element one, of a slightly thicker triangle, and no weight exceeds its inverse.
+const MIN_HEIGHT: f64 = 1e-5;
+
+/// A triangle laid into the plane: corner `base` at the origin, the next at `(length, 0)`, the third at `(foot, height)`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Flat {
+    /// The corner that the longest side leaves.
+    pub(super) base: usize,
+    /// The longest side.
+    pub(super) length: f64,
+    /// Where the height meets it.
+    pub(super) foot: f64,
+    /// The height; 0 for a degenerate triangle.
+    pub(super) height: f64,
+}
+
+impl Flat {
+    /// Lays out a triangle of three points that do not all coincide.
+    pub(super) fn of(p: [Vec3; 3]) -> Flat {
+        let sides = [distance(p[0], p[1]), distance(p[1], p[2]), distance(p[2], p[0])];
+        let base = (0..3).fold(0, |best, k| if sides[k] > sides[best] { k } else { best });
+        let (a, b, c) = (p[base], p[(base + 1) % 3], p[(base + 2) % 3]);
+        let length = sides[base].max(f64::MIN_POSITIVE);
+        // The height from the shorter of the other two sides: less cancellation.
+        let from = if sides[(base + 2) % 3] <= sides[(base + 1) % 3] { a } else { b };
+        let height = norm(cross(sub(b, a), sub(c, from))) / length;
+        let foot = (dot(sub(b, a), sub(c, a)) / length).clamp(0.0, length);
+        Flat { base, length, foot, height }
+    }
+
+    /// The triangle as the operators see it: not thinner than they can bear.
+    pub(super) fn thickened(self) -> Flat {
+        Flat { height: self.height.max(MIN_HEIGHT * self.length), ..self }
+    }
+
+    /// Cotangents of the angles at the three corners. `height` must not be 0.
+    pub(super) fn cotangents(self) -> [f64; 3] {
+        let rest = self.length - self.foot;
+        let mut cot = [0.0; 3];
+        cot[self.base] = self.foot / self.height;
+        cot[(self.base + 1) % 3] = rest / self.height;
+        cot[(self.base + 2) % 3] = (self.height * self.height - self.foot * rest) / (self.length * self.height);
+        cot
+    }
+
+    /// Lengths of the sides; side `k` runs from corner `k` to the next.
+    pub(super) fn sides(self) -> [f64; 3] {
+        let mut sides = [0.0; 3];
+        sides[self.base] = self.length;
+        sides[(self.base + 1) % 3] = (self.length - self.foot).hypot(self.height);
+        sides[(self.base + 2) % 3] = self.foot.hypot(self.height);
+        sides
+    }
+
+    /// The columns of the linear map that takes this layout to the corners `uv`. `height` must not be 0.
+    pub(super) fn jacobian(self, uv: [Vec2; 3]) -> [Vec2; 2] {
+        let at = |k: usize| uv[(self.base + k) % 3];
+        let (a, b, c) = (at(0), at(1), at(2));
+        let along = [(b[0] - a[0]) / self.length, (b[1] - a[1]) / self.length];
+        let across = [(c[0] - a[0] - self.foot * along[0]) / self.height, (c[1] - a[1] - self.foot * along[1]) / self.height];
+        [along, across]
+    }
+
+    /// Area.
+    pub(super) fn area(self) -> f64 {
+        0.5 * self.length * self.height
+    }
+}
+
+/// A patch closed up to a disc, in coordinates of order 1.
+#[derive(Debug)]
+pub(super) struct Domain<'a> {
+    /// The patch.
+    pub(super) patch: &'a Patch,
+    /// Normalised positions: those of the patch, then the centres of the caps.
+    pub(super) positions: Vec<Vec3>,
+    /// The triangles of the caps.
+    pub(super) caps: Vec<[u32; 3]>,
+    /// What a normalised length must be multiplied by; a power of two, so that nothing is rounded.
+    pub(super) unit: f64,
+}
+
+impl<'a> Domain<'a> {
+    /// Normalises and closes a patch. O(size of the patch).
+    ///
+    /// # Errors
+    /// A patch without faces or boundary, or with indices out of range (broken invariants).
+    pub(super) fn new(patch: &'a Patch) -> Result<Self> {
+        check_patch(patch)?;
+        let (low, high) = bounds(&patch.positions).ok_or_else(|| EngineError::invariant("a patch without vertices"))?;
+        let unit = power_of_two_near(distance(low, high));
+        let centre = scale(add(low, high), 0.5);
+        let mut positions: Vec<Vec3> = patch.positions.iter().map(|&p| scale(sub(p, centre), 1.0 / unit)).collect();
+        let mut caps = Vec::new();
+        for ring in &patch.loops[1..] {
+            let middle = positions.len() as u32;
+            let sum = ring.iter().fold([0.0; 3], |s, &v| add(s, positions[v as usize]));
+            positions.push(scale(sum, 1.0 / ring.len() as f64));
+            // The patch lies left of the loop; the cap runs along it the other way.
+            caps.extend((0..ring.len()).map(|k| [ring[(k + 1) % ring.len()], ring[k], middle]));
+        }
+        Ok(Domain { patch, positions, caps, unit })
+    }
+
+    /// Number of vertices, centres of caps included.
+    pub(super) fn size(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// All triangles, caps last.
+    pub(super) fn triangles(&self) -> impl Iterator<Item = [u32; 3]> + Clone + '_ {
+        self.patch.triangles.iter().chain(&self.caps).copied()
+    }
+
+    /// Layout of a triangle.
+    pub(super) fn flat(&self, t: [u32; 3]) -> Flat {
+        Flat::of(t.map(|v| self.positions[v as usize]))
+    }
+
+    /// The loop that becomes the outer boundary.
+    pub(super) fn outer(&self) -> &'a [u32] {
+        &self.patch.loops[0]
+    }
+
+    /// Lengths of the edges of the outer loop, edge `k` leaving its vertex `k`; none is 0.
+    pub(super) fn outer_lengths(&self) -> Vec<f64> {
+        let ring = self.outer();
+        let lengths: Vec<f64> = (0..ring.len())
+            .map(|k| distance(self.positions[ring[k] as usize], self.positions[ring[(k + 1) % ring.len()] as usize]))
+            .collect();
+        let least = 1e-7 * lengths.iter().sum::<f64>() / ring.len() as f64;
+        lengths.into_iter().map(|l| l.max(least).max(f64::MIN_POSITIVE)).collect()
+    }
+}
+
+fn check_patch(patch: &Patch) -> Result<()> {
+    let count = patch.positions.len();
+    let inside = |v: &u32| (*v as usize) < count;
+    if patch.triangles.is_empty() || patch.loops.is_empty() {
+        return Err(EngineError::invariant("a patch without faces or without a boundary"));
+    }
+    if !patch.triangles.iter().flatten().all(inside) || patch.loops.iter().any(|ring| ring.len() < 3 || !ring.iter().all(inside)) {
+        return Err(EngineError::invariant("a patch with indices out of range or a boundary loop of fewer than three edges"));
+    }
+    Ok(())
+}
+
+/// The power of two at or below a length; 1 for 0 and for what is not finite.
+fn power_of_two_near(length: f64) -> f64 {
+    if length > 0.0 && length.is_finite() { length.log2().floor().clamp(-1000.0, 1000.0).exp2() } else { 1.0 }
+}

@@ -1,0 +1,101 @@
+//! Size, position and direction of a chart in the plane, and its distortion.
+
+use super::Distortion;
+use super::domain::{Domain, Flat};
+use crate::vector::Vec2;
+
+/// Layouts and areas of the faces of a patch in normalised coordinates.
+pub(super) struct FaceShapes {
+    pub(super) flats: Vec<Flat>,
+    pub(super) areas: Vec<f64>,
+}
+
+impl FaceShapes {
+    pub(super) fn of(domain: &Domain<'_>) -> FaceShapes {
+        let flats: Vec<Flat> = domain.patch.triangles.iter().map(|&t| domain.flat(t)).collect();
+        let areas = flats.iter().map(|f| f.area()).collect();
+        FaceShapes { flats, areas }
+    }
+}
+
+/// Signed areas of the faces in the plane.
+pub(super) fn chart_areas(triangles: &[[u32; 3]], uv: &[Vec2]) -> Vec<f64> {
+    let area = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|v| uv[v as usize]);
+        0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+    };
+    triangles.iter().map(area).collect()
+}
+
+/// Scales to `area`, moves the centroid to the origin, turns the principal axis of inertia to the first coordinate. The sense of
+/// the axis is that of the third moment; a chart without a principal axis is turned to the first vertex of its boundary.
+/// `None` if the area of the chart is not positive and finite.
+pub(super) fn place(triangles: &[[u32; 3]], first: u32, area: f64, uv: &mut [Vec2]) -> Option<()> {
+    let areas = chart_areas(triangles, uv);
+    let total: f64 = areas.iter().sum();
+    if !(total > 0.0 && total.is_finite() && area > 0.0) {
+        return None;
+    }
+    let mut centre = [0.0; 2];
+    for (t, w) in triangles.iter().zip(&areas) {
+        for &v in t {
+            centre = [centre[0] + w / (3.0 * total) * uv[v as usize][0], centre[1] + w / (3.0 * total) * uv[v as usize][1]];
+        }
+    }
+    let size = (area / total).sqrt();
+    uv.iter_mut().for_each(|p| *p = [size * (p[0] - centre[0]), size * (p[1] - centre[1])]);
+    let (cos, sin) = direction(triangles, &areas, first, uv)?;
+    uv.iter_mut().for_each(|p| *p = [cos * p[0] + sin * p[1], cos * p[1] - sin * p[0]]);
+    uv.iter().flatten().all(|x| x.is_finite()).then_some(())
+}
+
+/// Unit vector that is to become the first axis. `uv` is centred.
+fn direction(triangles: &[[u32; 3]], areas: &[f64], first: u32, uv: &[Vec2]) -> Option<(f64, f64)> {
+    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+    for (t, w) in triangles.iter().zip(areas) {
+        // Midpoints of the sides integrate quadratics exactly.
+        for k in 0..3 {
+            let (a, b) = (uv[t[k] as usize], uv[t[(k + 1) % 3] as usize]);
+            let m = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
+            (xx, xy, yy) = (xx + w * m[0] * m[0], xy + w * m[0] * m[1], yy + w * m[1] * m[1]);
+        }
+    }
+    let split = (0.5 * (xx - yy)).hypot(xy);
+    let towards = uv[first as usize];
+    if split < 1e-3 * (xx + yy) {
+        let length = towards[0].hypot(towards[1]);
+        return Some(if length > 0.0 { (towards[0] / length, towards[1] / length) } else { (1.0, 0.0) });
+    }
+    let (sin, cos) = (0.5 * xy.atan2(0.5 * (xx - yy))).sin_cos();
+    let (mut second, mut third) = (0.0, 0.0);
+    for (t, w) in triangles.iter().zip(areas) {
+        let along = t.iter().map(|&v| cos * uv[v as usize][0] + sin * uv[v as usize][1]).sum::<f64>() / 3.0;
+        (second, third) = (second + w * along * along, third + w * along * along * along);
+    }
+    let total: f64 = areas.iter().sum();
+    let skew = third / total / (second / total).powf(1.5);
+    let sense = if skew.abs() > 1e-4 { skew } else { cos * towards[0] + sin * towards[1] };
+    Some(if sense < 0.0 { (-cos, -sin) } else { (cos, sin) })
+}
+
+/// Distortion of a chart that has been placed (in normalised coordinates). Faces without area are left out.
+pub(super) fn distortion(triangles: &[[u32; 3]], shapes: &FaceShapes, uv: &[Vec2]) -> Distortion {
+    let mut out = Distortion { angle_mean: 0.0, angle_max: 1.0, area_min: f64::INFINITY, area_max: 0.0 };
+    let mut weight = 0.0;
+    for ((t, flat), &area) in triangles.iter().zip(&shapes.flats).zip(&shapes.areas) {
+        if area <= 0.0 {
+            continue;
+        }
+        let [a, b] = flat.jacobian(t.map(|v| uv[v as usize]));
+        let det = a[0] * b[1] - a[1] * b[0];
+        let largest = 0.5 * ((a[0] + b[1]).hypot(a[1] - b[0]) + (a[0] - b[1]).hypot(a[1] + b[0]));
+        let angle = (largest * largest / det).max(1.0);
+        out.angle_mean += area * angle;
+        out.angle_max = out.angle_max.max(angle);
+        out.area_min = out.area_min.min(det);
+        out.area_max = out.area_max.max(det);
+        weight += area;
+    }
+    out.angle_mean /= weight;
+    out
+}

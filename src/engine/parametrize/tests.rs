@@ -1,0 +1,1 @@
+//! Charts of surfaces whose maps are known, and of surfaces made to defeat them.

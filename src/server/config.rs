@@ -1,0 +1,78 @@
+//! Settings of the server. Everything that a test wants to choose is here: limits, the clock, grace periods.
+
+use remesh_engine::engine::EngineConfig;
+use std::sync::Arc;
+use std::time::{Duration, SystemTime};
+
+/// Where the server takes the time of day from (for the life of sessions).
+#[derive(Clone)]
+pub struct Clock(Arc<dyn Fn() -> SystemTime + Send + Sync>);
+
+impl Clock {
+    /// A clock of the caller's own.
+    pub fn new(now: impl Fn() -> SystemTime + Send + Sync + 'static) -> Self {
+        Clock(Arc::new(now))
+    }
+
+    /// The time.
+    pub fn now(&self) -> SystemTime {
+        (self.0)()
+    }
+}
+
+impl Default for Clock {
+    fn default() -> Self {
+        Clock::new(SystemTime::now)
+    }
+}
+
+impl std::fmt::Debug for Clock {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("Clock").field(&self.now()).finish()
+    }
+}
+
+/// Settings of a server.
+#[derive(Debug, Clone)]
+pub struct ServerConfig {
+    /// Limits and sizes of the engine.
+    pub engine: EngineConfig,
+    /// Largest message of most methods, both ways.
+    pub max_message_bytes: usize,
+    /// Largest file inside a `RemeshMesh` message, both ways.
+    pub max_inline_bytes: usize,
+    /// Long calls (remesh, partition, import...) that compute at the same time; each uses up to `engine.threads` threads.
+    pub max_running: usize,
+    /// Short calls (reads, plans, diagnoses) that compute at the same time, beside the long ones.
+    pub max_running_short: usize,
+    /// Calls that wait for one of those places; more are refused.
+    pub max_queued: usize,
+    /// How long running calls may go on after shutdown was asked for; then they are cancelled.
+    pub grace: Duration,
+    /// How often expired sessions are removed.
+    pub sweep_interval: Duration,
+    /// The time of day.
+    pub clock: Clock,
+}
+
+impl Default for ServerConfig {
+    fn default() -> Self {
+        ServerConfig {
+            engine: EngineConfig::default(),
+            max_message_bytes: 4 << 20,
+            max_inline_bytes: 64 << 20,
+            max_running: 2,
+            max_running_short: 4,
+            max_queued: 64,
+            grace: Duration::from_secs(10),
+            sweep_interval: Duration::from_secs(30),
+            clock: Clock::default(),
+        }
+    }
+}
+
+/// Largest piece of a file or array in one message of a stream.
+pub(crate) const CHUNK_BYTES: usize = 1 << 20;
+
+/// What the wrapping of a file in a message may add to its size.
+pub(crate) const MESSAGE_OVERHEAD_BYTES: usize = 1 << 20;

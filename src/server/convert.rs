@@ -1,0 +1,4 @@
+//! The border between the wire and the engine: the only files that name types of both.
+
+pub(crate) mod from_proto;
+pub(crate) mod to_proto;

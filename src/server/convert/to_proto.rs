@@ -1,0 +1,343 @@
+//! Engine results to wire messages. Nothing here can fail.
+
+use crate::status::location;
+use remesh_engine::diagnose::{Defect, Diagnosis, Finding};
+use remesh_engine::features::{FeatureSpec, RegionBorders};
+use remesh_engine::import::ImportReport;
+use remesh_engine::mesh::{LengthUnit, Region, SurfaceMesh};
+use remesh_engine::optimize::OptimizeSpec;
+use remesh_engine::parametrize::{Chart, ChartAttempt, ChartMethod, ChartSpec};
+use remesh_engine::partition::{PartitionSpec, PatchSummary};
+use remesh_engine::planar::Mesher;
+use remesh_engine::quality::{Fidelity, QualityReport, ShapeQuality, TopologyNumbers};
+use remesh_engine::session::Snapshot;
+use remesh_engine::sizing::SizeSpec;
+use remesh_engine::stage::{Outcome, StageRecord, Subject};
+use remesh_engine::vector::bounds;
+use remesh_proto::v1;
+use std::time::SystemTime;
+
+pub(crate) fn time(at: SystemTime) -> prost_types::Timestamp {
+    at.into()
+}
+
+fn point([x, y, z]: [f64; 3]) -> v1::Point {
+    v1::Point { x, y, z }
+}
+
+pub(crate) fn outcome(outcome: Outcome) -> v1::StageOutcome {
+    match outcome {
+        Outcome::Hit => v1::StageOutcome::Hit,
+        Outcome::Run => v1::StageOutcome::Run,
+    }
+}
+
+pub(crate) fn subject(subject: Subject) -> String {
+    match subject {
+        Subject::Surface => String::new(),
+        Subject::Patch(number) => format!("patch {number}"),
+        Subject::Curve(number) => format!("curve {number}"),
+    }
+}
+
+pub(crate) fn summary(records: &[StageRecord], milliseconds: f64) -> v1::RunSummary {
+    let stages: Vec<_> = records.iter().map(stage_record).collect();
+    let hits = records.iter().filter(|r| r.outcome == Outcome::Hit).count() as u32;
+    v1::RunSummary { hits, runs: stages.len() as u32 - hits, stages, milliseconds }
+}
+
+fn stage_record(record: &StageRecord) -> v1::StageRecord {
+    v1::StageRecord {
+        stage: record.stage.name().to_owned(),
+        subject: subject(record.subject),
+        outcome: outcome(record.outcome).into(),
+        milliseconds: record.milliseconds,
+        bytes: record.bytes,
+    }
+}
+
+pub(crate) fn planned_stage(record: &StageRecord) -> v1::PlannedStage {
+    v1::PlannedStage {
+        stage: record.stage.name().to_owned(),
+        subject: subject(record.subject),
+        outcome: outcome(record.outcome).into(),
+        estimated_milliseconds: record.milliseconds,
+        bytes: record.bytes,
+    }
+}
+
+pub(crate) fn unit(unit: LengthUnit) -> v1::LengthUnit {
+    match unit {
+        LengthUnit::Unspecified => v1::LengthUnit::Unspecified,
+        LengthUnit::Metre => v1::LengthUnit::Metre,
+        LengthUnit::Centimetre => v1::LengthUnit::Centimetre,
+        LengthUnit::Millimetre => v1::LengthUnit::Millimetre,
+        LengthUnit::Micrometre => v1::LengthUnit::Micrometre,
+        LengthUnit::Inch => v1::LengthUnit::Inch,
+        LengthUnit::Foot => v1::LengthUnit::Foot,
+    }
+}
+
+pub(crate) fn regions(regions: &[Region]) -> Vec<v1::Region> {
+    regions.iter().map(|r| v1::Region { id: r.id, name: r.name.clone() }).collect()
+}
+
+pub(crate) fn mesh_summary(mesh: &SurfaceMesh) -> v1::MeshSummary {
+    let corners = bounds(&mesh.positions);
+    v1::MeshSummary {
+        vertices: mesh.positions.len() as u64,
+        faces: mesh.triangles.len() as u64,
+        regions: regions(&mesh.regions),
+        unit: unit(mesh.unit).into(),
+        low: corners.map(|(low, _)| point(low)),
+        high: corners.map(|(_, high)| point(high)),
+    }
+}
+
+pub(crate) fn import_report(report: &ImportReport) -> v1::ImportReport {
+    v1::ImportReport {
+        format: report.format.clone(),
+        faces_read: report.faces_read,
+        vertices_read: report.vertices_read,
+        vertices_welded: report.vertices_welded,
+        duplicate_faces_dropped: report.duplicate_faces_dropped,
+        degenerate_faces_dropped: report.degenerate_faces_dropped,
+        unused_vertices_dropped: report.unused_vertices_dropped,
+        faces_flipped: report.faces_flipped,
+        vertices_split: report.vertices_split,
+        warnings: report.warnings.clone(),
+    }
+}
+
+fn finding(finding: &Finding) -> v1::Finding {
+    let defect = match finding.defect {
+        Defect::NonManifoldEdge => v1::Defect::NonManifoldEdge,
+        Defect::NonManifoldVertex => v1::Defect::NonManifoldVertex,
+        Defect::NotOrientable => v1::Defect::NotOrientable,
+        Defect::FlippedFace => v1::Defect::FlippedFace,
+        Defect::DegenerateFace => v1::Defect::DegenerateFace,
+        Defect::DuplicateFace => v1::Defect::DuplicateFace,
+        Defect::Sliver => v1::Defect::Sliver,
+        Defect::Hole => v1::Defect::Hole,
+        Defect::Component => v1::Defect::Component,
+        Defect::NonFinite => v1::Defect::NonFinite,
+        Defect::SelfIntersection => v1::Defect::SelfIntersection,
+    };
+    v1::Finding {
+        defect: defect.into(),
+        count: finding.count,
+        locations: finding.locations.iter().map(location).collect(),
+        prevents_remeshing: finding.prevents_remeshing,
+    }
+}
+
+pub(crate) fn diagnosis(diagnosis: &Diagnosis) -> v1::Diagnosis {
+    v1::Diagnosis {
+        findings: diagnosis.findings.iter().map(finding).collect(),
+        topology: Some(topology(&diagnosis.topology)),
+        low: Some(point(diagnosis.low)),
+        high: Some(point(diagnosis.high)),
+        area: diagnosis.area,
+        remeshable: diagnosis.refusal().is_none(),
+    }
+}
+
+fn topology(numbers: &TopologyNumbers) -> v1::TopologyNumbers {
+    v1::TopologyNumbers {
+        euler: numbers.euler,
+        components: numbers.components,
+        boundary_loops: numbers.boundary_loops,
+        genus: numbers.genus,
+        non_manifold_edges: numbers.non_manifold_edges,
+        non_manifold_vertices: numbers.non_manifold_vertices,
+        inconsistent_edges: numbers.inconsistent_edges,
+    }
+}
+
+pub(crate) fn patch_summary(number: usize, patch: &PatchSummary) -> v1::PatchSummary {
+    v1::PatchSummary {
+        patch: number as u32,
+        faces: patch.faces,
+        area: patch.area,
+        loops: patch.loops,
+        genus: patch.genus,
+        border_length: patch.border_length,
+        aspect_ratio: patch.aspect_ratio,
+    }
+}
+
+fn chart_method(method: ChartMethod) -> v1::ChartMethod {
+    match method {
+        ChartMethod::SpectralConformal => v1::ChartMethod::SpectralConformal,
+        ChartMethod::LeastSquaresConformal => v1::ChartMethod::LeastSquaresConformal,
+        ChartMethod::MeanValue => v1::ChartMethod::MeanValue,
+    }
+}
+
+fn chart_attempt(attempt: &ChartAttempt) -> v1::ChartAttempt {
+    v1::ChartAttempt {
+        method: chart_method(attempt.method).into(),
+        flipped: attempt.flipped,
+        overlaps: attempt.overlaps,
+        rejected: attempt.rejected.clone(),
+    }
+}
+
+pub(crate) fn chart_summary(patch: u32, chart: &Chart, faces: usize) -> v1::ChartSummary {
+    let d = chart.distortion;
+    v1::ChartSummary {
+        patch,
+        method: chart_method(chart.method).into(),
+        attempts: chart.attempts.iter().map(chart_attempt).collect(),
+        distortion: Some(v1::Distortion { angle_mean: d.angle_mean, angle_max: d.angle_max, area_min: d.area_min, area_max: d.area_max }),
+        vertices: chart.uv.len() as u64,
+        faces: faces as u64,
+    }
+}
+
+pub(crate) fn shape(shape: &ShapeQuality) -> v1::ShapeQuality {
+    v1::ShapeQuality {
+        vertices: shape.vertices,
+        triangles: shape.triangles,
+        kappa_min: shape.kappa_min,
+        kappa_mean: shape.kappa_mean,
+        kappa_p01: shape.kappa_p01,
+        kappa_histogram: shape.kappa_histogram.clone(),
+        min_angle: shape.min_angle_deg,
+        mean_min_angle: shape.mean_min_angle_deg,
+        max_angle: shape.max_angle_deg,
+        skewness_mean: shape.skewness_mean,
+        skewness_max: shape.skewness_max,
+        tau: shape.tau,
+        edge_ratio_ok: shape.edge_ratio_ok,
+    }
+}
+
+fn fidelity(fidelity: &Fidelity) -> v1::Fidelity {
+    v1::Fidelity {
+        diagonal: fidelity.diagonal,
+        hausdorff_max_rel: fidelity.hausdorff_max_rel,
+        hausdorff_rms_rel: fidelity.hausdorff_rms_rel,
+        out_to_in_max_rel: fidelity.out_to_in_max_rel,
+        in_to_out_max_rel: fidelity.in_to_out_max_rel,
+        boundary_deviation_rel: fidelity.boundary_deviation_rel,
+        area_ratio: fidelity.area_ratio,
+    }
+}
+
+pub(crate) fn quality(report: &QualityReport) -> v1::QualityReport {
+    v1::QualityReport {
+        shape: Some(shape(&report.shape)),
+        input_shape: Some(shape(&report.input_shape)),
+        fidelity: report.fidelity.as_ref().map(fidelity),
+        topology_input: Some(topology(&report.topology_input)),
+        topology_output: Some(topology(&report.topology_output)),
+        topology_kept: report.topology_kept,
+        self_intersections: report.self_intersections,
+        intersecting_pairs: report.intersecting_pairs.iter().map(|&[first, second]| v1::FacePair { first, second }).collect(),
+        worst_faces: report.worst_faces.clone(),
+    }
+}
+
+/// All inputs but the mesh. Arrays are not repeated back.
+pub(crate) fn inputs(snapshot: &Snapshot) -> v1::SessionInputs {
+    v1::SessionInputs {
+        features: Some(features(&snapshot.features)),
+        partition: Some(partition(&snapshot.partition)),
+        charts: Some(charts(snapshot.chart)),
+        size: snapshot.size.as_ref().map(size),
+        mesher: Some(mesher(snapshot.mesher)),
+        optimize: Some(optimize(&snapshot.optimize)),
+    }
+}
+
+fn features(spec: &FeatureSpec) -> v1::FeatureSpec {
+    use v1::feature_spec::SharpEdges;
+    let borders = match spec.region_borders {
+        RegionBorders::Keep => v1::RegionBorders::Keep,
+        RegionBorders::Ignore => v1::RegionBorders::Ignore,
+    };
+    v1::FeatureSpec {
+        sharp_edges: Some(spec.feature_angle_deg.map_or(SharpEdges::NoSharpEdges(true), SharpEdges::FeatureAngle)),
+        min_chain_share: Some(spec.min_chain_share),
+        region_borders: borders.into(),
+        explicit_edges: None,
+    }
+}
+
+fn partition(spec: &PartitionSpec) -> v1::PartitionSpec {
+    v1::PartitionSpec {
+        patches: spec.patches,
+        max_patch_faces: Some(spec.max_patch_faces),
+        max_aspect_ratio: Some(spec.max_aspect_ratio),
+    }
+}
+
+fn charts(spec: ChartSpec) -> v1::ChartSpec {
+    let method = match spec {
+        ChartSpec::Automatic => v1::ChartMethod::Automatic,
+        ChartSpec::Only(method) => chart_method(method),
+    };
+    v1::ChartSpec { method: method.into() }
+}
+
+fn size(spec: &SizeSpec) -> v1::SizeSpec {
+    use v1::size_spec::Size;
+    let size = match *spec {
+        SizeSpec::Uniform { size } => Size::Uniform(size),
+        SizeSpec::TriangleCount { triangles } => Size::Triangles(triangles),
+        SizeSpec::PerVertex { min_size, max_size, growth_rate, .. } => {
+            Size::PerVertex(v1::PerVertexSize { sizes: None, min_size, max_size, growth_rate })
+        }
+        SizeSpec::Graded { min_size, max_size, growth_rate } => Size::Graded(v1::GradedSize { min_size, max_size, growth_rate }),
+    };
+    v1::SizeSpec { size: Some(size) }
+}
+
+fn mesher(mesher: Mesher) -> v1::MesherSpec {
+    let kind = match mesher {
+        Mesher::Frontal => v1::MesherKind::Frontal,
+    };
+    v1::MesherSpec { kind: kind.into() }
+}
+
+fn optimize(spec: &OptimizeSpec) -> v1::OptimizeSpec {
+    v1::OptimizeSpec { rounds: Some(spec.rounds), min_kappa: Some(spec.min_kappa) }
+}
+
+/// Which patches' meshes a result holds: triangles and vertices (those on borders count for each patch). O(F).
+pub(crate) fn patches_of_result(triangles: &[[u32; 3]], face_patch: &[u32], vertices: usize) -> Vec<v1::PatchMeshSummary> {
+    let count = face_patch.iter().max().map_or(0, |&p| p as usize + 1);
+    let mut start = vec![0usize; count + 1];
+    face_patch.iter().for_each(|&p| start[p as usize + 1] += 1);
+    (0..count).for_each(|p| start[p + 1] += start[p]);
+    let mut fill = start.clone();
+    let mut order = vec![0u32; face_patch.len()];
+    for (face, &p) in face_patch.iter().enumerate() {
+        order[fill[p as usize]] = face as u32;
+        fill[p as usize] += 1;
+    }
+    let mut last_patch = vec![u32::MAX; vertices];
+    let mut summaries = Vec::with_capacity(count);
+    for p in 0..count {
+        let faces = &order[start[p]..start[p + 1]];
+        let mut seen = 0;
+        for v in faces.iter().flat_map(|&f| triangles[f as usize]) {
+            seen += u64::from(std::mem::replace(&mut last_patch[v as usize], p as u32) != p as u32);
+        }
+        summaries.push(v1::PatchMeshSummary { patch: p as u32, vertices: seen, triangles: faces.len() as u64 });
+    }
+    summaries
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn vertices_on_borders_count_for_each_patch() {
+        let summaries = patches_of_result(&[[0, 1, 2], [0, 2, 3], [3, 2, 4]], &[1, 0, 1], 5);
+        let numbers: Vec<_> = summaries.iter().map(|s| (s.patch, s.vertices, s.triangles)).collect();
+        assert_eq!(numbers, [(0, 3, 1), (1, 5, 2)]);
+    }
+}

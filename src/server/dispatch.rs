@@ -1,0 +1,360 @@
+//! Calls and the compute pool: who may compute when, how a call is stopped, and what the log says of its end.
+
+use crate::progress::Meter;
+use crate::state::{Shared, Target};
+use crate::status::{Fault, log_end, status_of};
+use crate::stream::{Chunks, Watch};
+use remesh_engine::EngineError;
+use remesh_engine::error::{Reason, Result as EngineResult};
+use remesh_engine::pipeline::Run;
+use remesh_engine::work::CancelToken;
+use remesh_proto::v1;
+use std::collections::HashMap;
+use std::hash::{BuildHasher, RandomState};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard};
+use std::time::{Duration, Instant};
+use tokio::sync::{Semaphore, mpsc};
+use tonic::metadata::MetadataMap;
+use tonic::{Request, Response, Status};
+use tracing::{Instrument, Span};
+
+/// How long a computation is likely to take; long ones must not keep short ones waiting.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Intent {
+    /// Reads, plans, diagnoses.
+    Short,
+    /// Anything that may run most of the pipeline.
+    Long,
+}
+
+/// Permits to compute, and the calls that are on.
+#[derive(Debug)]
+pub(crate) struct Pool {
+    short: Arc<Semaphore>,
+    long: Arc<Semaphore>,
+    max_queued: usize,
+    queued: AtomicUsize,
+    running: Arc<AtomicUsize>,
+    draining: AtomicBool,
+    next_call: AtomicU64,
+    calls: Mutex<HashMap<u64, CancelToken>>,
+}
+
+/// A place in the queue, given back when dropped.
+struct Place<'a>(&'a Pool);
+
+impl Drop for Place<'_> {
+    fn drop(&mut self) {
+        self.0.queued.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+/// Counts a running computation.
+struct Running(Arc<AtomicUsize>);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+impl Pool {
+    /// A pool with so many permits.
+    pub(crate) fn new(long: usize, short: usize, max_queued: usize) -> Self {
+        Pool {
+            short: Arc::new(Semaphore::new(short.clamp(1, Semaphore::MAX_PERMITS))),
+            long: Arc::new(Semaphore::new(long.clamp(1, Semaphore::MAX_PERMITS))),
+            max_queued,
+            queued: AtomicUsize::new(0),
+            running: Arc::default(),
+            draining: AtomicBool::new(false),
+            next_call: AtomicU64::new(0),
+            calls: Mutex::default(),
+        }
+    }
+
+    fn calls(&self) -> MutexGuard<'_, HashMap<u64, CancelToken>> {
+        self.calls.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+    }
+
+    /// Calls that wait for a permit.
+    pub(crate) fn queued(&self) -> usize {
+        self.queued.load(Ordering::Relaxed)
+    }
+
+    /// Computations that run.
+    pub(crate) fn running(&self) -> usize {
+        self.running.load(Ordering::Relaxed)
+    }
+
+    /// Refuses new calls from now on.
+    pub(crate) fn drain(&self) {
+        self.draining.store(true, Ordering::Relaxed);
+    }
+
+    /// Cancels all calls and gives how many there were.
+    pub(crate) fn cancel_all(&self) -> usize {
+        let calls = self.calls();
+        calls.values().for_each(CancelToken::cancel);
+        calls.len()
+    }
+
+    fn place(&self) -> Result<Place<'_>, Fault> {
+        let before = self.queued.fetch_add(1, Ordering::Relaxed);
+        let place = Place(self);
+        if before >= self.max_queued { Err(Fault::QueueFull { queued: before }) } else { Ok(place) }
+    }
+
+    async fn permit(&self, intent: Intent) -> Result<tokio::sync::OwnedSemaphorePermit, Fault> {
+        let semaphore = match intent {
+            Intent::Short => &self.short,
+            Intent::Long => &self.long,
+        };
+        if let Ok(permit) = semaphore.clone().try_acquire_owned() {
+            return Ok(permit);
+        }
+        let _place = self.place()?;
+        semaphore.clone().acquire_owned().await.map_err(|_| Fault::Draining)
+    }
+}
+
+/// One call. Dropping it before its end cancels its work.
+pub(crate) struct Call {
+    shared: Arc<Shared>,
+    id: u64,
+    token: CancelToken,
+    deadline: Option<Instant>,
+    span: Span,
+    begin: Instant,
+    ended: bool,
+}
+
+impl Drop for Call {
+    fn drop(&mut self) {
+        self.token.cancel();
+        self.shared.pool.calls().remove(&self.id);
+        if !self.ended {
+            let _entered = self.span.enter();
+            tracing::debug!(milliseconds = self.milliseconds(), "the client went away");
+        }
+    }
+}
+
+impl Call {
+    /// Begins a call: refuses it if the server shuts down, reads its deadline, opens its span.
+    pub(crate) fn begin<R>(shared: &Arc<Shared>, method: &'static str, request: &Request<R>) -> Result<Call, Status> {
+        let id = shared.pool.next_call.fetch_add(1, Ordering::Relaxed);
+        let begin = Instant::now();
+        let deadline = timeout_of(request.metadata()).and_then(|timeout| begin.checked_add(timeout));
+        let token = deadline.into_iter().fold(CancelToken::new(), CancelToken::with_deadline);
+        shared.pool.calls().insert(id, token.clone());
+        let span = tracing::info_span!("call", method, id, session = tracing::field::Empty, revision = tracing::field::Empty);
+        let mut call = Call { shared: shared.clone(), id, token, deadline, span, begin, ended: false };
+        // Looked at after the call is in the table, so that it is either refused here or seen by `cancel_all`.
+        if shared.pool.draining.load(Ordering::Relaxed) {
+            return Err(call.end(&Fault::Draining));
+        }
+        Ok(call)
+    }
+
+    fn milliseconds(&self) -> f64 {
+        self.begin.elapsed().as_secs_f64() * 1e3
+    }
+
+    fn end(&mut self, fault: &Fault) -> Status {
+        self.ended = true;
+        let _entered = self.span.enter();
+        log_end(Some(fault), self.milliseconds());
+        status_of(fault)
+    }
+
+    /// Ends the call.
+    pub(crate) fn finish<T>(mut self, result: Result<T, Fault>) -> Result<Response<T>, Status> {
+        match result {
+            Ok(value) => {
+                self.ended = true;
+                let _entered = self.span.enter();
+                log_end(None, self.milliseconds());
+                drop(_entered);
+                Ok(Response::new(value))
+            }
+            Err(fault) => Err(self.end(&fault)),
+        }
+    }
+
+    /// The value, or the end of the call.
+    pub(crate) fn check<T>(&mut self, result: EngineResult<T>) -> Result<T, Status> {
+        result.map_err(|error| self.end(&error.into()))
+    }
+
+    /// The session that the call names, or the end of the call.
+    pub(crate) fn target(&mut self, session: &str, expected_revision: Option<u64>) -> Result<Target, Status> {
+        let target = self.shared.target(session, expected_revision);
+        let target = self.check(target)?;
+        // Session ids are keys to the session: the log has only as much as is needed to tell them apart.
+        self.span.record("session", target.session.id.get(..8).unwrap_or(&target.session.id)).record("revision", target.revision());
+        Ok(target)
+    }
+
+    /// Answers with the outcome of a computation on the pool.
+    pub(crate) async fn compute<T: Send + 'static>(
+        self,
+        intent: Intent,
+        work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<T> + Send + 'static,
+    ) -> Result<Response<T>, Status> {
+        let result = self.run(intent, None, work).await;
+        self.finish(result)
+    }
+
+    /// The outcome of a computation on the pool, for a call that goes on after it.
+    pub(crate) async fn on_pool<T: Send + 'static>(
+        self,
+        intent: Intent,
+        work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<T> + Send + 'static,
+    ) -> (Self, Result<T, Fault>) {
+        let result = self.run(intent, None, work).await;
+        (self, result)
+    }
+
+    /// Answers with a computed stream of messages, made one by one as the client takes them.
+    pub(crate) async fn bulk<M: Send + 'static>(
+        self,
+        intent: Intent,
+        work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<Chunks<M>> + Send + 'static,
+    ) -> Result<Response<Watch<M>>, Status> {
+        let result = self.run(intent, None, work).await;
+        self.finish(result.map(Watch::of_chunks))
+    }
+
+    /// Answers at once with a stream of progress that ends with the outcome of a computation on the pool.
+    pub(crate) fn watch<M: Send + 'static, T: Send + 'static>(
+        self,
+        wrap_progress: impl Fn(v1::Progress) -> M + Send + 'static,
+        wrap_result: impl FnOnce(T) -> M + Send + 'static,
+        work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<T> + Send + 'static,
+    ) -> Result<Response<Watch<M>>, Status> {
+        let (sender, receiver) = mpsc::channel(PROGRESS_BUFFER);
+        let token = self.token.clone();
+        let meter_sender = sender.clone();
+        let task = async move {
+            let meter = Meter::new(move |progress| {
+                // A client that reads slowly misses progress, never the result.
+                let _ = meter_sender.try_send(Ok(wrap_progress(progress)));
+            });
+            let result = self.run(Intent::Long, Some(meter), work).await;
+            let last = self.finish(result).map(|response| wrap_result(response.into_inner()));
+            let _ = sender.send(last).await;
+        };
+        tokio::spawn(task);
+        Ok(Response::new(Watch::of_progress(receiver, token)))
+    }
+
+    /// Waits for a permit and runs `work` on a blocking thread, until the deadline. A panic in `work` fails this call only.
+    async fn run<T: Send + 'static>(
+        &self,
+        intent: Intent,
+        meter: Option<Meter>,
+        work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<T> + Send + 'static,
+    ) -> Result<T, Fault> {
+        let shared = self.shared.clone();
+        let token = self.token.clone();
+        let span = self.span.clone();
+        let job = async move {
+            let permit = shared.pool.permit(intent).await?;
+            shared.pool.running.fetch_add(1, Ordering::Relaxed);
+            let running = Running(shared.pool.running.clone());
+            let blocking = move || {
+                let _entered = span.enter();
+                let (_permit, _running) = (permit, running);
+                catch_unwind(AssertUnwindSafe(|| {
+                    let silent = |_: &remesh_engine::pipeline::Event| {};
+                    let metered = |event: &remesh_engine::pipeline::Event| {
+                        if let Some(meter) = &meter {
+                            meter.on(event);
+                        }
+                    };
+                    let threads = shared.config.engine.threads;
+                    match &meter {
+                        None => work(&shared, &Run { cancel: &token, events: &silent, threads }),
+                        Some(_) => work(&shared, &Run { cancel: &token, events: &metered, threads }),
+                    }
+                }))
+            };
+            match tokio::task::spawn_blocking(blocking).await {
+                Ok(Ok(result)) => result.map_err(Fault::from),
+                Ok(Err(panic)) => Err(panicked(panic.as_ref())),
+                Err(_) => Err(Fault::Draining),
+            }
+        };
+        let job = job.instrument(self.span.clone());
+        let Some(deadline) = self.deadline else { return job.await };
+        tokio::time::timeout_at(deadline.into(), job).await.unwrap_or_else(|_| {
+            self.token.cancel();
+            Err(EngineError::new(Reason::DeadlineExceeded, "the deadline passed before the work was done").into())
+        })
+    }
+}
+
+/// Progress messages that may wait for the client.
+const PROGRESS_BUFFER: usize = 256;
+
+fn panicked(panic: &(dyn std::any::Any + Send)) -> Fault {
+    let id = format!("{:016x}", RandomState::new().hash_one(Instant::now()));
+    let message = panic.downcast_ref::<&str>().copied().or_else(|| panic.downcast_ref::<String>().map(String::as_str));
+    tracing::error!(incident = id, message = message.unwrap_or("(no message)"), "a computation panicked");
+    Fault::Panicked { id }
+}
+
+/// Tonic ends a call at its deadline with a bare CANCELLED. Ours comes this much earlier, with code and reason.
+const DEADLINE_MARGIN: Duration = Duration::from_millis(5);
+
+/// The `grpc-timeout` of a call.
+fn timeout_of(metadata: &MetadataMap) -> Option<Duration> {
+    let text = metadata.get("grpc-timeout")?.to_str().ok()?;
+    let (digits, unit) = text.split_at_checked(text.len().checked_sub(1)?)?;
+    let value: u64 = digits.parse().ok()?;
+    let timeout = match unit {
+        "H" => Duration::from_secs(value.checked_mul(3600)?),
+        "M" => Duration::from_secs(value.checked_mul(60)?),
+        "S" => Duration::from_secs(value),
+        "m" => Duration::from_millis(value),
+        "u" => Duration::from_micros(value),
+        "n" => Duration::from_nanos(value),
+        _ => return None,
+    };
+    Some(timeout.saturating_sub(DEADLINE_MARGIN))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn timeouts_are_read_in_all_units() {
+        let of = |text: &str| {
+            let mut metadata = MetadataMap::new();
+            metadata.insert("grpc-timeout", text.parse().expect("ascii"));
+            timeout_of(&metadata)
+        };
+        assert_eq!(of("2S"), Some(Duration::from_millis(1995)));
+        assert_eq!(of("1M"), Some(Duration::from_millis(59_995)));
+        assert_eq!(of("1000000u"), Some(Duration::from_millis(995)));
+        assert_eq!(of("1m"), Some(Duration::ZERO));
+        for bad in ["", "S", "12", "-1S", "99999999999999999999S"] {
+            assert_eq!(of(bad), None, "{bad}");
+        }
+    }
+
+    #[tokio::test]
+    async fn a_full_queue_refuses_and_places_are_given_back() {
+        let pool = Pool::new(1, 1, 0);
+        let held = pool.permit(Intent::Long).await.expect("first");
+        assert_eq!(pool.permit(Intent::Long).await.map(drop), Err(Fault::QueueFull { queued: 0 }));
+        assert!(pool.permit(Intent::Short).await.is_ok(), "short calls do not wait for long ones");
+        drop(held);
+        assert!(pool.permit(Intent::Long).await.is_ok());
+        assert_eq!(pool.queued(), 0);
+    }
+}

@@ -1,0 +1,214 @@
+//! From a listener to a running server, and back to silence: routes, health, reflection, drain.
+
+use crate::config::{MESSAGE_OVERHEAD_BYTES, ServerConfig};
+use crate::service::capability::Capabilities;
+use crate::service::chart::ChartMaps;
+use crate::service::mesh::Meshes;
+use crate::service::partition::Partitions;
+use crate::service::quality::Qualities;
+use crate::service::remesh::Remeshes;
+use crate::service::session::Sessions;
+use crate::state::Shared;
+use hyper_util::rt::TokioIo;
+use remesh_proto::FILE_DESCRIPTOR_SET;
+use remesh_proto::v1::capability_service_server::CapabilityServiceServer;
+use remesh_proto::v1::chart_service_server::ChartServiceServer;
+use remesh_proto::v1::mesh_service_server::MeshServiceServer;
+use remesh_proto::v1::partition_service_server::PartitionServiceServer;
+use remesh_proto::v1::quality_service_server::QualityServiceServer;
+use remesh_proto::v1::remesh_service_server::RemeshServiceServer;
+use remesh_proto::v1::session_service_server::SessionServiceServer;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context, Poll};
+use std::time::Duration;
+use tokio::io::DuplexStream;
+use tokio::net::TcpListener;
+use tokio::sync::{mpsc, watch};
+use tokio_stream::wrappers::UnboundedReceiverStream;
+use tonic::codegen::Service;
+use tonic::codegen::http::Uri;
+use tonic::server::NamedService;
+use tonic::service::Routes;
+use tonic::transport::server::TcpIncoming;
+use tonic::transport::{Channel, Endpoint, Server};
+use tonic_health::ServingStatus;
+use tonic_health::server::HealthReporter;
+
+/// Why a server did not start or did not go on.
+#[derive(Debug, thiserror::Error)]
+pub enum ServeError {
+    /// The transport failed.
+    #[error("the transport failed: {0}")]
+    Transport(#[from] tonic::transport::Error),
+    /// The descriptors of the API could not be served.
+    #[error("reflection is not possible: {0}")]
+    Reflection(#[from] tonic_reflection::server::Error),
+}
+
+/// Time that cancelled calls have to say so before their connections are cut.
+const LAST_WORDS: Duration = Duration::from_secs(2);
+const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(60);
+const KEEPALIVE_TIMEOUT: Duration = Duration::from_secs(20);
+/// Bytes in flight on a private pipe.
+const PIPE_BYTES: usize = 1 << 20;
+
+/// Serves on `listener` until `shutdown` resolves: then health says NOT_SERVING, new calls are refused, running ones have
+/// `config.grace` to end and are cancelled after it.
+///
+/// # Errors
+/// [`ServeError`] if the transport fails.
+pub async fn serve(listener: TcpListener, config: ServerConfig, shutdown: impl Future<Output = ()>) -> Result<(), ServeError> {
+    let shared = Shared::new(config);
+    let (health, routes) = routes(&shared).await?;
+    let sweeper = tokio::spawn(sweep(shared.clone()));
+    let (drain, mut draining) = watch::channel(false);
+    let incoming = TcpIncoming::from(listener).with_nodelay(Some(true)).with_keepalive(Some(KEEPALIVE_INTERVAL));
+    let server = builder().add_routes(routes).serve_with_incoming_shutdown(incoming, async move {
+        // An error means that the sender is gone, which ends serving too.
+        let _ = draining.wait_for(|&is| is).await;
+    });
+    tokio::pin!(server);
+    let outcome = tokio::select! {
+        ended = &mut server => ended.map_err(ServeError::from),
+        () = shutdown => {
+            tracing::info!(grace_seconds = shared.config.grace.as_secs_f64(), "shutting down");
+            shared.pool.drain();
+            set_health(&health, ServingStatus::NotServing).await;
+            let _ = drain.send(true);
+            wind_down(&shared, server).await
+        }
+    };
+    sweeper.abort();
+    outcome
+}
+
+/// Waits for running calls, then cancels them, then gives up on them.
+async fn wind_down(
+    shared: &Shared,
+    mut server: Pin<&mut impl Future<Output = Result<(), tonic::transport::Error>>>,
+) -> Result<(), ServeError> {
+    if let Ok(ended) = tokio::time::timeout(shared.config.grace, &mut server).await {
+        return Ok(ended?);
+    }
+    let cancelled = shared.pool.cancel_all();
+    tracing::warn!(cancelled, "calls did not end within the grace period");
+    match tokio::time::timeout(LAST_WORDS, server).await {
+        Ok(ended) => Ok(ended?),
+        Err(_) => {
+            tracing::warn!("connections are still open; they are cut");
+            Ok(())
+        }
+    }
+}
+
+/// A server in this process that only the returned channel reaches: no port, no file. It ends when the last clone of the channel is
+/// dropped. Must be called inside a Tokio runtime.
+///
+/// # Errors
+/// [`ServeError::Reflection`] (never seen).
+pub async fn in_process(config: ServerConfig) -> Result<Channel, ServeError> {
+    let shared = Shared::new(config);
+    let (_health, routes) = routes(&shared).await?;
+    let (connections, accepted) = mpsc::unbounded_channel::<std::io::Result<DuplexStream>>();
+    tokio::spawn(async move {
+        let sweeper = tokio::spawn(sweep(shared));
+        let served = builder().add_routes(routes).serve_with_incoming(UnboundedReceiverStream::new(accepted)).await;
+        if let Err(error) = served {
+            tracing::error!(%error, "the private server failed");
+        }
+        sweeper.abort();
+    });
+    let endpoint = Endpoint::from_static("http://in-process.invalid");
+    Ok(endpoint.connect_with_connector_lazy(PipeConnector { connections }))
+}
+
+fn builder() -> Server {
+    Server::builder()
+        .http2_keepalive_interval(Some(KEEPALIVE_INTERVAL))
+        .http2_keepalive_timeout(Some(KEEPALIVE_TIMEOUT))
+        .max_concurrent_streams(Some(1024))
+}
+
+/// Opens pipes to the private server.
+struct PipeConnector {
+    connections: mpsc::UnboundedSender<std::io::Result<DuplexStream>>,
+}
+
+impl Service<Uri> for PipeConnector {
+    type Response = TokioIo<DuplexStream>;
+    type Error = std::io::Error;
+    type Future = std::future::Ready<Result<Self::Response, Self::Error>>;
+
+    fn poll_ready(&mut self, _: &mut Context<'_>) -> Poll<Result<(), Self::Error>> {
+        Poll::Ready(Ok(()))
+    }
+
+    fn call(&mut self, _: Uri) -> Self::Future {
+        let (ours, theirs) = tokio::io::duplex(PIPE_BYTES);
+        let sent = self.connections.send(Ok(theirs));
+        std::future::ready(sent.map(|()| TokioIo::new(ours)).map_err(|_| std::io::ErrorKind::BrokenPipe.into()))
+    }
+}
+
+async fn sweep(shared: Arc<Shared>) {
+    let mut ticks = tokio::time::interval(shared.config.sweep_interval.max(Duration::from_millis(1)));
+    loop {
+        ticks.tick().await;
+        shared.sweep();
+    }
+}
+
+fn name_of<S: NamedService>(_: &S) -> &'static str {
+    S::NAME
+}
+
+/// All services with their message limits, reflection in both versions, and health.
+async fn routes(shared: &Arc<Shared>) -> Result<(HealthReporter, Routes), ServeError> {
+    let usual = shared.config.max_message_bytes;
+    // A response holds arrays of a bounded number of entries beside its chunks; a one-call message a whole file.
+    let large = shared.config.max_inline_bytes.saturating_add(MESSAGE_OVERHEAD_BYTES);
+    let (health, health_service) = tonic_health::server::health_reporter();
+    let mut routes = Routes::builder();
+    routes.add_service(health_service);
+    macro_rules! add {
+        ($server:ident, $service:expr, $limit:expr) => {{
+            let service = $server::new($service).max_decoding_message_size($limit).max_encoding_message_size($limit);
+            health.set_service_status(name_of(&service), ServingStatus::Serving).await;
+            routes.add_service(service);
+        }};
+    }
+    add!(CapabilityServiceServer, Capabilities(shared.clone()), usual);
+    add!(ChartServiceServer, ChartMaps(shared.clone()), usual);
+    add!(MeshServiceServer, Meshes(shared.clone()), usual);
+    add!(PartitionServiceServer, Partitions(shared.clone()), usual);
+    add!(QualityServiceServer, Qualities(shared.clone()), usual);
+    add!(RemeshServiceServer, Remeshes(shared.clone()), large);
+    add!(SessionServiceServer, Sessions(shared.clone()), usual);
+    let reflection = || {
+        tonic_reflection::server::Builder::configure()
+            .register_encoded_file_descriptor_set(FILE_DESCRIPTOR_SET)
+            .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
+            .register_encoded_file_descriptor_set(tonic_types::pb::FILE_DESCRIPTOR_SET)
+    };
+    routes.add_service(reflection().build_v1()?);
+    routes.add_service(reflection().build_v1alpha()?);
+    Ok((health, routes.routes()))
+}
+
+/// Names of all services, as health and reflection know them.
+const SERVICES: [&str; 7] = [
+    "remesh.v1.CapabilityService",
+    "remesh.v1.ChartService",
+    "remesh.v1.MeshService",
+    "remesh.v1.PartitionService",
+    "remesh.v1.QualityService",
+    "remesh.v1.RemeshService",
+    "remesh.v1.SessionService",
+];
+
+async fn set_health(health: &HealthReporter, status: ServingStatus) {
+    for name in SERVICES.into_iter().chain([""]) {
+        health.set_service_status(name, status).await;
+    }
+}

@@ -1,0 +1,10 @@
+//! The gRPC services. Each method begins a call, converts, hands the work to the pool and converts back.
+
+pub(crate) mod capability;
+pub(crate) mod chart;
+pub(crate) mod mesh;
+pub(crate) mod partition;
+pub(crate) mod quality;
+pub(crate) mod remesh;
+pub(crate) mod session;
+pub(crate) mod upload;

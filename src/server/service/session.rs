@@ -1,0 +1,162 @@
+//! `SessionService`: the life of sessions and changes of their inputs.
+
+use crate::convert::{from_proto, to_proto};
+use crate::dispatch::Call;
+use crate::state::{Shared, session_name};
+use remesh_engine::EngineError;
+use remesh_engine::error::Result as EngineResult;
+use remesh_engine::session::{Revision, Session};
+use remesh_proto::v1;
+use remesh_proto::v1::session_service_server::SessionService;
+use std::sync::Arc;
+use std::time::{Duration, SystemTime};
+use tonic::{Request, Response, Status};
+
+/// The service.
+#[derive(Debug, Clone)]
+pub(crate) struct Sessions(pub(crate) Arc<Shared>);
+
+/// Longest name for people.
+const MAX_DISPLAY_NAME: usize = 200;
+const DEFAULT_PAGE: usize = 100;
+const MAX_PAGE: usize = 1000;
+
+/// A session without what it holds.
+fn brief(shared: &Shared, session: &Session) -> v1::Session {
+    v1::Session {
+        name: session_name(session),
+        revision: session.revision().0,
+        create_time: Some(to_proto::time(session.created)),
+        expire_time: Some(to_proto::time(session.expires())),
+        ttl: prost_types::Duration::try_from(session.ttl()).ok(),
+        display_name: shared.display_name(session),
+        mesh: None,
+        inputs: None,
+        oldest_revision: session.oldest_revision().0,
+    }
+}
+
+fn whole(shared: &Shared, session: &Session) -> v1::Session {
+    let snapshot = session.snapshot();
+    v1::Session {
+        revision: snapshot.revision.0,
+        mesh: shared.mesh_summary(session, &snapshot),
+        inputs: Some(to_proto::inputs(&snapshot)),
+        ..brief(shared, session)
+    }
+}
+
+fn bounded_ttl(shared: &Shared, ttl: prost_types::Duration) -> EngineResult<Duration> {
+    let ttl = from_proto::duration(ttl, "ttl")?;
+    if ttl.is_zero() {
+        return Err(EngineError::bad_parameter("ttl", "must be positive"));
+    }
+    Ok(ttl.min(shared.config.engine.max_ttl))
+}
+
+fn create(shared: &Shared, request: v1::CreateSessionRequest) -> EngineResult<v1::CreateSessionResponse> {
+    if request.display_name.chars().count() > MAX_DISPLAY_NAME {
+        return Err(EngineError::bad_parameter("display_name", format!("has more than {MAX_DISPLAY_NAME} characters")));
+    }
+    let ttl = request.ttl.map(|ttl| bounded_ttl(shared, ttl)).transpose()?;
+    // Expired sessions must not keep new ones out.
+    shared.sweep();
+    let session = shared.engine.create_session(ttl, shared.config.clock.now())?;
+    shared.note_display_name(&session, request.display_name);
+    Ok(v1::CreateSessionResponse { session: Some(whole(shared, &session)) })
+}
+
+/// The place of a session in the list: creation time, then id.
+fn page_key(session: &Session) -> (u128, &str) {
+    (session.created.duration_since(SystemTime::UNIX_EPOCH).map_or(0, |d| d.as_nanos()), &session.id)
+}
+
+fn list(shared: &Shared, request: &v1::ListSessionsRequest) -> EngineResult<v1::ListSessionsResponse> {
+    let size = match usize::try_from(request.page_size) {
+        Err(_) => return Err(EngineError::bad_parameter("page_size", "must not be negative")),
+        Ok(0) => DEFAULT_PAGE,
+        Ok(size) => size.min(MAX_PAGE),
+    };
+    let after: Option<(u128, &str)> = match request.page_token.as_str() {
+        "" => None,
+        token => {
+            let parts = token.split_once('-').and_then(|(nanos, id)| Some((u128::from_str_radix(nanos, 16).ok()?, id)));
+            Some(parts.ok_or_else(|| EngineError::bad_parameter("page_token", "is not a token of this method"))?)
+        }
+    };
+    let all = shared.engine.sessions(shared.config.clock.now());
+    let mut rest = all.iter().filter(|s| after.is_none_or(|after| page_key(s) > after));
+    let page: Vec<_> = rest.by_ref().take(size).collect();
+    let next_page_token = match (page.last(), rest.next()) {
+        (Some(last), Some(_)) => {
+            let (nanos, id) = page_key(last);
+            format!("{nanos:x}-{id}")
+        }
+        _ => String::new(),
+    };
+    Ok(v1::ListSessionsResponse { sessions: page.into_iter().map(|s| brief(shared, s)).collect(), next_page_token })
+}
+
+fn update(shared: &Shared, request: v1::UpdateSessionRequest) -> EngineResult<v1::UpdateSessionResponse> {
+    let session = shared.session(&request.name, "name")?;
+    let ttl = request.ttl.ok_or_else(|| EngineError::bad_parameter("ttl", "is required"))?;
+    session.set_ttl(bounded_ttl(shared, ttl)?);
+    Ok(v1::UpdateSessionResponse { session: Some(whole(shared, &session)) })
+}
+
+fn delete(shared: &Shared, request: &v1::DeleteSessionRequest) -> EngineResult<v1::DeleteSessionResponse> {
+    let session = shared.session(&request.name, "name")?;
+    shared.delete_session(&session)?;
+    Ok(v1::DeleteSessionResponse { revision: session.revision().0 })
+}
+
+#[tonic::async_trait]
+impl SessionService for Sessions {
+    async fn create_session(
+        &self,
+        request: Request<v1::CreateSessionRequest>,
+    ) -> Result<Response<v1::CreateSessionResponse>, Status> {
+        let call = Call::begin(&self.0, "CreateSession", &request)?;
+        call.finish(create(&self.0, request.into_inner()).map_err(Into::into))
+    }
+
+    async fn get_session(&self, request: Request<v1::GetSessionRequest>) -> Result<Response<v1::GetSessionResponse>, Status> {
+        let call = Call::begin(&self.0, "GetSession", &request)?;
+        let session = self.0.session(&request.into_inner().name, "name");
+        let response = session.map(|session| v1::GetSessionResponse { session: Some(whole(&self.0, &session)) });
+        call.finish(response.map_err(Into::into))
+    }
+
+    async fn list_sessions(&self, request: Request<v1::ListSessionsRequest>) -> Result<Response<v1::ListSessionsResponse>, Status> {
+        let call = Call::begin(&self.0, "ListSessions", &request)?;
+        call.finish(list(&self.0, &request.into_inner()).map_err(Into::into))
+    }
+
+    async fn update_session(
+        &self,
+        request: Request<v1::UpdateSessionRequest>,
+    ) -> Result<Response<v1::UpdateSessionResponse>, Status> {
+        let call = Call::begin(&self.0, "UpdateSession", &request)?;
+        call.finish(update(&self.0, request.into_inner()).map_err(Into::into))
+    }
+
+    async fn delete_session(
+        &self,
+        request: Request<v1::DeleteSessionRequest>,
+    ) -> Result<Response<v1::DeleteSessionResponse>, Status> {
+        let call = Call::begin(&self.0, "DeleteSession", &request)?;
+        call.finish(delete(&self.0, &request.into_inner()).map_err(Into::into))
+    }
+
+    async fn apply_change(&self, request: Request<v1::ApplyChangeRequest>) -> Result<Response<v1::ApplyChangeResponse>, Status> {
+        let mut call = Call::begin(&self.0, "ApplyChange", &request)?;
+        let request = request.into_inner();
+        let target = call.target(&request.session, request.base_revision)?;
+        let apply = || {
+            let change = from_proto::change(&self.0.engine, request.change)?;
+            let revision = target.session.apply(request.base_revision.map(Revision), &[change])?;
+            Ok(v1::ApplyChangeResponse { revision: revision.0 })
+        };
+        call.finish(apply().map_err(|error: EngineError| error.into()))
+    }
+}
