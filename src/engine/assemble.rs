@@ -1,13 +1,15 @@
 //! Joining the lifted patches into one conforming mesh along the shared curve meshes.
 
-use crate::curve::{CurveMesh, CurveNetwork};
-use crate::error::{EngineError, Reason, Result};
+use crate::curve::{CurveKind, CurveMesh, CurveNetwork};
+use crate::error::{EngineError, Result};
 use crate::fingerprint::{Contents, Feeder};
 use crate::mesh::SurfaceMesh;
 use crate::patch::PatchMap;
-use crate::planar::LiftedPatch;
+use crate::planar::{LiftedPatch, VertexOrigin};
 use crate::topology::Topology;
 use crate::vector::Vec3;
+
+mod unfold;
 
 /// What the optimisation may do with a vertex.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -57,8 +59,11 @@ impl Contents for Assembled {
 /// Joins lifted patches: vertices with the same curve point become one. O(output).
 /// `corners` are the corners of the features; ends of feature and boundary curves that are junctions are corners too.
 ///
+/// At sizes far above the width of a patch two patches may join the same two curve points by an edge across their inside, or have
+/// the same face. Such edges and faces get a vertex of their own, on the input, so that the result is always a simplicial manifold.
+///
 /// # Errors
-/// [`Reason::Invariant`] if the result is not a manifold with the input's topology.
+/// [`Reason::Invariant`](crate::error::Reason::Invariant) if the result is not a manifold with the input's topology.
 pub fn assemble(
     mesh: &SurfaceMesh,
     topology: &Topology,
@@ -67,6 +72,170 @@ pub fn assemble(
     curve_meshes: &[std::sync::Arc<CurveMesh>],
     patches: &[(std::sync::Arc<LiftedPatch>, &PatchMap)],
 ) -> Result<Assembled> {
-    let _ = (mesh, topology, corners, network, curve_meshes, patches);
-    Err(EngineError::new(Reason::NotBuilt, "assembly"))
+    let joint = CurveVertices::new(mesh, topology, corners, network, curve_meshes)?;
+    let mut out = Assembled {
+        vertex_face: vec![NONE; joint.positions.len()],
+        positions: joint.positions,
+        vertex_class: joint.classes,
+        ..Assembled::default()
+    };
+    for (p, (lifted, map)) in patches.iter().enumerate() {
+        add_patch(mesh, &mut out, &joint.numbers, p as u32, lifted, map)?;
+    }
+    if out.vertex_face.contains(&NONE) {
+        return Err(EngineError::invariant("a curve point is in no patch mesh"));
+    }
+    out.curve_edges = curve_edges(network, &joint.numbers);
+    unfold::unfold(mesh, patches, &mut out);
+    check_topology(topology, &out)?;
+    Ok(out)
+}
+
+const NONE: u32 = u32::MAX;
+
+/// The vertices on curves: global numbers of the points of each curve.
+struct CurveVertices {
+    numbers: Vec<Vec<u32>>,
+    positions: Vec<Vec3>,
+    classes: Vec<VertexClass>,
+}
+
+impl CurveVertices {
+    /// Points inside curves are their own; ends are shared by all curves that end at the same vertex of the surface.
+    fn new(
+        mesh: &SurfaceMesh,
+        topology: &Topology,
+        corners: &[u32],
+        network: &CurveNetwork,
+        curve_meshes: &[std::sync::Arc<CurveMesh>],
+    ) -> Result<CurveVertices> {
+        if network.curves.len() != curve_meshes.len() {
+            return Err(EngineError::invariant("curves and curve meshes differ in number"));
+        }
+        let class_of_end = end_classes(topology, corners, network);
+        let mut of_vertex = vec![NONE; mesh.positions.len()];
+        let mut out = CurveVertices { numbers: Vec::new(), positions: Vec::new(), classes: Vec::new() };
+        for (curve, points) in network.curves.iter().zip(curve_meshes) {
+            let (Some(&first), Some(&last)) = (curve.halfedges.first(), curve.halfedges.last()) else {
+                return Err(EngineError::invariant("a curve without edges"));
+            };
+            let inner = if curve.kind == CurveKind::Seam { VertexClass::Free } else { VertexClass::Curve };
+            let count = points.points.len();
+            let mut numbers = Vec::with_capacity(count);
+            for (i, point) in points.points.iter().enumerate() {
+                let end = if i == 0 { Some(topology.origin(first)) } else { (i + 1 == count).then(|| topology.target(last)) };
+                let known = end.map_or(NONE, |v| of_vertex[v as usize]);
+                if known != NONE {
+                    numbers.push(known);
+                    continue;
+                }
+                let number = out.positions.len() as u32;
+                if let Some(v) = end {
+                    of_vertex[v as usize] = number;
+                }
+                numbers.push(number);
+                out.positions.push(point.position);
+                out.classes.push(end.map_or(inner, |v| class_of_end[v as usize]));
+            }
+            out.numbers.push(numbers);
+        }
+        Ok(out)
+    }
+}
+
+/// Class of the vertices where curves end: corners where feature and boundary curves end, branch or change kind; where one of them
+/// only passes (a seam meets it, or a closed curve starts), the vertex may slide.
+fn end_classes(topology: &Topology, corners: &[u32], network: &CurveNetwork) -> Vec<VertexClass> {
+    let count = topology.vertex_count();
+    // Ends of boundary and of feature curves at each vertex.
+    let mut ends = vec![[0u32; 2]; count];
+    for curve in network.curves.iter().filter(|c| c.kind != CurveKind::Seam) {
+        let kind = usize::from(curve.kind == CurveKind::Feature);
+        if let (Some(&first), Some(&last)) = (curve.halfedges.first(), curve.halfedges.last()) {
+            ends[topology.origin(first) as usize][kind] += 1;
+            ends[topology.target(last) as usize][kind] += 1;
+        }
+    }
+    let mut classes: Vec<VertexClass> = ends
+        .iter()
+        .map(|e| match e {
+            [0, 0] => VertexClass::Free,
+            [2, 0] | [0, 2] => VertexClass::Curve,
+            _ => VertexClass::Corner,
+        })
+        .collect();
+    for &v in corners {
+        classes[v as usize] = VertexClass::Corner;
+    }
+    classes
+}
+
+fn add_patch(
+    mesh: &SurfaceMesh,
+    out: &mut Assembled,
+    numbers: &[Vec<u32>],
+    patch: u32,
+    lifted: &LiftedPatch,
+    map: &PatchMap,
+) -> Result<()> {
+    let mut global = Vec::with_capacity(lifted.positions.len());
+    for (v, origin) in lifted.origins.iter().enumerate() {
+        let face = map.faces.get(lifted.points[v].face as usize).copied();
+        let face = face.ok_or_else(|| EngineError::invariant(format!("patch {patch} names a face that it does not have")))?;
+        let number = match *origin {
+            VertexOrigin::Interior => {
+                out.positions.push(lifted.positions[v]);
+                out.vertex_class.push(VertexClass::Free);
+                out.vertex_face.push(face);
+                out.positions.len() as u32 - 1
+            }
+            VertexOrigin::Curve { curve, point } => {
+                let number = numbers.get(curve as usize).and_then(|c| c.get(point as usize)).copied();
+                let number =
+                    number.ok_or_else(|| EngineError::invariant(format!("patch {patch} names a curve point that is not there")))?;
+                if out.vertex_face[number as usize] == NONE {
+                    out.vertex_face[number as usize] = face;
+                }
+                number
+            }
+        };
+        global.push(number);
+    }
+    for t in &lifted.triangles {
+        let regions = t.map(|v| mesh.face_region[map.faces[lifted.points[v as usize].face as usize] as usize]);
+        let majority = if regions[1] == regions[2] { regions[1] } else { regions[0] };
+        out.triangles.push(t.map(|v| global[v as usize]));
+        out.face_patch.push(patch);
+        out.face_region.push(majority);
+    }
+    Ok(())
+}
+
+fn curve_edges(network: &CurveNetwork, numbers: &[Vec<u32>]) -> Vec<[u32; 2]> {
+    let mut edges: Vec<[u32; 2]> = network
+        .curves
+        .iter()
+        .zip(numbers)
+        .filter(|(curve, _)| curve.kind != CurveKind::Seam)
+        .flat_map(|(_, points)| points.windows(2).map(|w| [w[0].min(w[1]), w[0].max(w[1])]))
+        .collect();
+    edges.sort_unstable();
+    edges.dedup();
+    edges
+}
+
+/// Manifold, and component for component the input's Euler characteristic and boundary loops.
+fn check_topology(input: &Topology, out: &Assembled) -> Result<()> {
+    let result = Topology::build(&out.triangles, out.positions.len())
+        .map_err(|e| EngineError::invariant(format!("the patch meshes do not join to a manifold: {}", e.message())))?;
+    let numbers = |t: &Topology| {
+        let mut list: Vec<(i64, u32)> = t.components.iter().map(|c| (c.euler(), c.loops)).collect();
+        list.sort_unstable();
+        list
+    };
+    if numbers(&result) == numbers(input) {
+        return Ok(());
+    }
+    let (a, b) = (input.totals(), result.totals());
+    Err(EngineError::invariant(format!("the joined mesh has (Euler, genus, loops, components) {b:?}, the input {a:?}")))
 }

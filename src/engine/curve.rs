@@ -1,14 +1,19 @@
 //! The network of curves every patch mesh must respect (boundary, features, patch borders) and their one-dimensional meshes.
 //! Each curve is meshed once and shared by the patches beside it, which keeps neighbours conforming (P2 section 4, step 4).
 
-use crate::error::{EngineError, Reason, Result};
+use crate::error::Result;
 use crate::features::Features;
 use crate::fingerprint::{Contents, Feeder};
 use crate::mesh::SurfaceMesh;
 use crate::partition::Partition;
+use crate::patch::{Patch, PatchMap};
+use crate::planar::CurveUse;
 use crate::topology::Topology;
 use crate::vector::Vec3;
 use crate::work::Work;
+
+mod discretize;
+mod trace;
 
 /// Why an edge of the surface is part of a curve; the first that applies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -31,6 +36,9 @@ pub struct Curve {
     pub halfedges: Vec<u32>,
     /// Whether the chain ends where it began.
     pub closed: bool,
+    /// Least number of edges of its mesh that keeps the whole mesh free of double edges: 3 for closed chains, 2 if another curve
+    /// joins the same two ends, else 1.
+    pub min_edges: u32,
 }
 
 /// All curves of a partitioned surface.
@@ -51,11 +59,13 @@ pub struct CurvePolyline {
     pub closed: bool,
     /// What the curve is: seams may be sampled more freely than features.
     pub kind: CurveKind,
+    /// Least number of edges (see [`Curve::min_edges`]).
+    pub min_edges: u32,
 }
 
 impl Contents for CurvePolyline {
     fn feed(&self, into: &mut Feeder) {
-        into.points(&self.points).f64s(&self.sizes).u64(u64::from(self.closed)).u64(self.kind as u64);
+        into.points(&self.points).f64s(&self.sizes).u64(u64::from(self.closed)).u64(self.kind as u64).u64(u64::from(self.min_edges));
     }
 
     fn bytes(&self) -> usize {
@@ -98,21 +108,83 @@ impl Contents for CurveMesh {
 /// Chains all boundary, feature and patch border edges into curves; cut at junctions, at corners of `features` and where the kind
 /// or the pair of patches beside the edge changes. O(F).
 pub fn trace_curves(topology: &Topology, features: &Features, partition: &Partition) -> CurveNetwork {
-    let _ = (topology, features, partition);
-    CurveNetwork::default()
+    trace::trace(topology, features, partition)
+}
+
+/// Vertices along a curve, from the origin of its first halfedge to the target of its last (for closed curves the same vertex).
+pub fn curve_vertices(topology: &Topology, curve: &Curve) -> Vec<u32> {
+    let mut vertices: Vec<u32> = curve.halfedges.iter().map(|&h| topology.origin(h)).collect();
+    vertices.extend(curve.halfedges.last().map(|&h| topology.target(h)));
+    vertices
 }
 
 /// The polyline of a curve with the wanted sizes at its vertices.
 pub fn curve_polyline(mesh: &SurfaceMesh, topology: &Topology, curve: &Curve, vertex_size: &[f64]) -> CurvePolyline {
-    let _ = (mesh, topology, curve, vertex_size);
-    CurvePolyline { points: Vec::new(), sizes: Vec::new(), closed: false, kind: CurveKind::Seam }
+    let vertices = curve_vertices(topology, curve);
+    CurvePolyline {
+        points: vertices.iter().map(|&v| mesh.positions[v as usize]).collect(),
+        sizes: vertices.iter().map(|&v| vertex_size[v as usize]).collect(),
+        closed: curve.closed,
+        kind: curve.kind,
+        min_edges: curve.min_edges,
+    }
 }
 
-/// Divides a curve into N = round(integral of ds / size) edges of equal length in the size field (P2 section 4, step 4).
+/// Divides a curve into N = round(integral of ds / size) edges of equal length in the size field (P2 section 4, step 4), but into
+/// no fewer than its `min_edges` (3 for a closed curve). Seams follow input edges in a zigzag; their length is measured on a copy
+/// smoothed at the scale of the size, their points still lie on the input edges.
 ///
 /// # Errors
-/// [`Reason::BadParameter`] for sizes that are not positive; [`Reason::LimitReached`] for more than 50 million points.
+/// [`Reason::BadParameter`](crate::error::Reason::BadParameter) for sizes that are not positive;
+/// [`Reason::LimitReached`](crate::error::Reason::LimitReached) for more than 50 million points.
 pub fn mesh_curve(polyline: &CurvePolyline, work: &Work<'_>) -> Result<CurveMesh> {
-    let _ = (polyline, work);
-    Err(EngineError::new(Reason::NotBuilt, "curve mesh"))
+    discretize::discretize(polyline, work)
+}
+
+/// The curves of every patch, as its mesher wants them: boundary curves of the patch and features inside it, in local vertices.
+/// `patches` are all patches of the partition, in order. A feature with the patch on both sides is one use, inside the patch, unless the
+/// patch was cut open along it; then it is two. O(total length of the curves + patches).
+pub fn patch_curve_uses<'a>(
+    topology: &Topology,
+    network: &CurveNetwork,
+    curve_meshes: &'a [std::sync::Arc<CurveMesh>],
+    partition: &Partition,
+    patches: &[(&Patch, &PatchMap)],
+) -> Vec<Vec<CurveUse<'a>>> {
+    let mut local_face = vec![0u32; partition.face_patch.len()];
+    for (_, map) in patches {
+        map.faces.iter().enumerate().for_each(|(i, &f)| local_face[f as usize] = i as u32);
+    }
+    let mut uses: Vec<Vec<CurveUse<'a>>> = patches.iter().map(|_| Vec::new()).collect();
+    // Path of a curve in the patch that holds the faces of the given halfedges, which run along the curve or all against it.
+    let path_of = |halfedges: &[u32], patch: u32, against: bool| -> Vec<u32> {
+        let triangles = &patches[patch as usize].0.triangles;
+        let ends = |h: u32| {
+            let corners = triangles[local_face[topology.face(h) as usize] as usize];
+            (corners[(h % 3) as usize], corners[((h + 1) % 3) as usize])
+        };
+        let mut path = Vec::with_capacity(halfedges.len() + 1);
+        for (i, &h) in halfedges.iter().enumerate() {
+            let (a, b) = if against { (ends(h).1, ends(h).0) } else { ends(h) };
+            if i == 0 {
+                path.push(a);
+            }
+            path.push(b);
+        }
+        path
+    };
+    for (c, curve) in network.curves.iter().enumerate() {
+        let Some(&first) = curve.halfedges.first() else { continue };
+        let mesh = &*curve_meshes[c];
+        let left = partition.face_patch[topology.face(first) as usize];
+        let path = path_of(&curve.halfedges, left, false);
+        let twins: Vec<u32> = curve.halfedges.iter().filter_map(|&h| topology.twin(h)).collect();
+        let right = twins.first().map(|&t| partition.face_patch[topology.face(t) as usize]);
+        let behind = right.map(|patch| (patch, path_of(&twins, patch, true)));
+        if let Some((patch, other)) = behind.filter(|(patch, other)| *patch != left || *other != path) {
+            uses[patch as usize].push(CurveUse { path: other, mesh, curve: c as u32 });
+        }
+        uses[left as usize].push(CurveUse { path, mesh, curve: c as u32 });
+    }
+    uses
 }

@@ -1,9 +1,13 @@
 //! Reading files into the surface model: format detection, readers, then repair of what is harmless to repair.
 
+pub(crate) mod base64;
 mod binary;
 mod detect;
+mod gltf_file;
+mod msh;
 mod obj;
 mod off;
+mod ply;
 pub(crate) mod raw;
 mod select;
 pub(crate) mod stl;
@@ -161,7 +165,12 @@ pub fn import_mesh(bytes: &[u8], options: &ImportOptions, work: &Work<'_>) -> Re
         Format::Stl => stl::read(text, &mut raw, work)?,
         Format::Obj => obj::read(text, options.obj_regions, &mut raw, work)?,
         Format::Off => off::read(text, &mut raw, work)?,
-        other => return Err(EngineError::new(Reason::NotBuilt, format!("reading {other:?}"))),
+        Format::Ply => ply::read(text, &mut raw, work)?,
+        Format::Msh => msh::read(text, &mut raw, work)?,
+        Format::Gltf => gltf_file::read(text, &mut raw, work)?,
+        Format::Vtu => {
+            return Err(EngineError::new(Reason::FormatUnsupported, "VTU is written, but not read").with_hint("convert it to PLY or MSH"));
+        }
     }
     let report = ImportReport { format: std::mem::take(&mut raw.format), warnings: std::mem::take(&mut raw.warnings), ..Default::default() };
     finish(raw.into_mesh(options.assume_unit), report, options, work)

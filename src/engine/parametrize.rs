@@ -4,6 +4,7 @@
 mod assembly;
 mod conformal;
 mod domain;
+mod ears;
 mod mean_value;
 mod mend;
 mod place;
@@ -15,7 +16,7 @@ use crate::patch::Patch;
 use crate::vector::{Vec2, distance};
 use crate::work::Work;
 use conformal::{Conformal, as_points};
-use domain::Domain;
+use domain::{Domain, Filling};
 use place::{FaceShapes, chart_areas, distortion, place};
 use validity::{boundary_overlaps, scale_variation};
 
@@ -126,21 +127,22 @@ impl ConformalFactor {
     }
 }
 
-/// Assembles and factorizes the conformal energy E_D - A of a patch (P1 eq. 17, 22) as one complex Hermitian matrix. Holes are
-/// closed virtually (P1 section 8). Cancellation is seen between assembly and factorization only.
+/// Assembles and factorizes the conformal energy E_D - A of a patch (P1 eq. 17, 22) as one complex Hermitian matrix.
+/// Cancellation is seen between assembly and factorization only.
 ///
 /// # Errors
 /// [`Reason::SolverSingular`] if a pivot is not positive or the residual check fails (the chart stage then falls back to mean
 /// value); [`Reason::LimitReached`] if the factor does not fit into memory; cancellation; broken invariants of the patch.
 pub fn factor_conformal(patch: &Patch, work: &Work<'_>) -> Result<ConformalFactor> {
-    Ok(ConformalFactor { conformal: Conformal::new(&Domain::new(patch)?, work)? })
+    Ok(ConformalFactor { conformal: Conformal::new(&Domain::new(patch, Filling::Open)?, work)? })
 }
 
 /// Computes and checks the chart of a patch. `factor` is `Err` if the factorization failed.
 ///
-/// Signs are exact, so a chart that is returned is one-to-one. Few flipped faces are mended first (P1 section 5). A chart whose
-/// length scale varies by more than [`MAX_SCALE_VARIATION`] gives [`ChartOutcome::MustSplit`], also for an explicit method:
-/// the pieces can have it.
+/// Signs are exact, so a chart that is returned is one-to-one. Few flipped faces are mended first (P1 section 5). A patch with
+/// several loops is mapped with free inner loops first, then with its holes closed virtually (P1 section 8), and a boundary that
+/// runs into itself is held open by virtual triangles over its notches; each costs another factorization. A chart whose length scale varies by more than [`MAX_SCALE_VARIATION`] is not taken; if nothing else is wrong
+/// with it the outcome is [`ChartOutcome::MustSplit`], also for an explicit method: the pieces can have it.
 ///
 /// # Errors
 /// [`Reason::ChartFailed`] if an explicitly requested method gives no bijective chart, with the flipped faces (patch-local ids);
@@ -151,29 +153,32 @@ pub fn parametrize_patch(
     spec: ChartSpec,
     work: &Work<'_>,
 ) -> Result<ChartOutcome> {
-    let domain = Domain::new(patch)?;
-    let shapes = FaceShapes::of(&domain);
-    let conformal = factor.map(|f| &f.conformal);
-    if conformal.is_ok_and(|c| c.size() != domain.size()) {
-        return Err(EngineError::invariant("the factor belongs to another patch"));
-    }
-    let mut attempts = Vec::new();
-    let mut worst = Vec::new();
-    for candidate in candidates(&domain, spec) {
+    let mut maps = Maps::new(patch, factor)?;
+    let shapes = FaceShapes::of(&maps.open);
+    let (mut attempts, mut worst, mut crowded) = (Vec::new(), Vec::new(), None);
+    for candidate in candidates(&maps.open, spec) {
         work.check()?;
-        let trial = match compute(&domain, conformal, candidate, work) {
-            Ok(uv) => examine(&domain, &shapes, candidate.method(), uv, work)?,
+        // No map of a tube is even: if the spectral one is one-to-one and merely crowded, the others will not be better.
+        if crowded.is_some() && candidate.method() != ChartMethod::SpectralConformal {
+            break;
+        }
+        let trial = match maps.compute(candidate, work) {
+            Ok(uv) => examine(&maps.open, &shapes, candidate.method(), uv, work)?,
             Err(e) if stops(&e) => return Err(e),
             Err(e) => Trial::rejected(candidate.method(), e.message()),
         };
-        attempts.push(trial.attempt);
         match trial.verdict {
             Verdict::Usable(uv, distortion) => {
+                attempts.push(trial.attempt);
                 return Ok(ChartOutcome::Mapped(Chart { uv, method: candidate.method(), attempts, distortion }));
             }
-            Verdict::Crowded(reason) => return Ok(ChartOutcome::MustSplit { attempts, reason }),
+            Verdict::Crowded => crowded = Some(trial.attempt.rejected.clone()),
             Verdict::NotBijective(faces) => worst = faces,
         }
+        attempts.push(trial.attempt);
+    }
+    if let Some(reason) = crowded {
+        return Ok(ChartOutcome::MustSplit { attempts, reason });
     }
     let tried: Vec<String> = attempts.iter().map(|a| format!("{:?}: {}", a.method, a.rejected)).collect();
     let reason = format!("no chart is one-to-one ({})", tried.join("; "));
@@ -188,15 +193,15 @@ pub fn parametrize_patch(
 /// A map to try.
 #[derive(Debug, Clone, Copy)]
 enum Candidate {
-    Spectral,
-    Pinned(u32, u32),
+    Spectral(Filling),
+    Pinned(Filling, u32, u32),
     MeanValue,
 }
 
 impl Candidate {
     fn method(self) -> ChartMethod {
         match self {
-            Candidate::Spectral => ChartMethod::SpectralConformal,
+            Candidate::Spectral(_) => ChartMethod::SpectralConformal,
             Candidate::Pinned(..) => ChartMethod::LeastSquaresConformal,
             Candidate::MeanValue => ChartMethod::MeanValue,
         }
@@ -204,22 +209,69 @@ impl Candidate {
 }
 
 /// The maps to try, in the order of P1 figure 23. LSCM has two choices of pins (P1 section 5): the boundary vertices farthest
-/// apart, and a vertex with the one half around the boundary from it.
+/// apart, and a vertex with the one half around the boundary from it. Each map is tried on the bare patch first, then with
+/// virtual triangles; every filling costs one more factorization.
 fn candidates(domain: &Domain<'_>, spec: ChartSpec) -> Vec<Candidate> {
-    let all = || {
-        let ring = domain.outer();
-        let (p, q) = farthest_pair(domain, ring);
-        let opposite = (p + half_way(domain, p)) % ring.len();
-        let mut list = vec![Candidate::Spectral, Candidate::Pinned(ring[p], ring[q])];
-        if opposite != q && opposite != p {
-            list.push(Candidate::Pinned(ring[p], ring[opposite]));
-        }
-        list.push(Candidate::MeanValue);
-        list
+    let ring = &domain.outer;
+    let (p, q) = farthest_pair(domain, ring);
+    let opposite = (p + half_way(domain, p)) % ring.len();
+    let fillings = match domain.patch.loops.len() {
+        1 => &[Filling::Open, Filling::Ears][..],
+        _ => &[Filling::Open, Filling::Caps, Filling::Ears, Filling::CapsAndEars],
     };
+    let mut all: Vec<Candidate> = fillings.iter().map(|&f| Candidate::Spectral(f)).collect();
+    all.push(Candidate::Pinned(Filling::Open, ring[p], ring[q]));
+    if opposite != q && opposite != p {
+        all.push(Candidate::Pinned(Filling::Open, ring[p], ring[opposite]));
+    }
+    all.extend(fillings[1..].iter().map(|&f| Candidate::Pinned(f, ring[p], ring[q])));
+    all.push(Candidate::MeanValue);
     match spec {
-        ChartSpec::Automatic => all(),
-        ChartSpec::Only(method) => all().into_iter().filter(|c| c.method() == method).collect(),
+        ChartSpec::Automatic => all,
+        ChartSpec::Only(method) => all.into_iter().filter(|c| c.method() == method).collect(),
+    }
+}
+
+/// The operators on a patch; those with virtual triangles are made when they are needed.
+struct Maps<'a> {
+    open: Domain<'a>,
+    factor: std::result::Result<&'a Conformal, &'a EngineError>,
+    filled: Vec<(Filling, Result<Conformal>)>,
+}
+
+impl<'a> Maps<'a> {
+    fn new(patch: &'a Patch, factor: std::result::Result<&'a ConformalFactor, &'a EngineError>) -> Result<Self> {
+        let open = Domain::new(patch, Filling::Open)?;
+        let factor = factor.map(|f| &f.conformal);
+        if factor.is_ok_and(|c| c.size() != open.size()) {
+            return Err(EngineError::invariant("the factor belongs to another patch"));
+        }
+        Ok(Maps { open, factor, filled: Vec::new() })
+    }
+
+    fn compute(&mut self, candidate: Candidate, work: &Work<'_>) -> Result<Vec<Vec2>> {
+        let patch = self.open.patch;
+        let count = patch.positions.len();
+        match candidate {
+            Candidate::Spectral(filling) => Ok(as_points(&self.conformal(filling, work)?.spectral(work)?.0, count)),
+            Candidate::Pinned(filling, p, q) => Ok(as_points(&self.conformal(filling, work)?.pinned(p, q, work)?, count)),
+            Candidate::MeanValue => mean_value::mean_value(&Domain::new(patch, Filling::Caps)?, work),
+        }
+    }
+
+    fn conformal(&mut self, filling: Filling, work: &Work<'_>) -> Result<&Conformal> {
+        if filling == Filling::Open {
+            return self.factor.map_err(Clone::clone);
+        }
+        let at = match self.filled.iter().position(|f| f.0 == filling) {
+            Some(at) => at,
+            None => {
+                let made = Domain::new(self.open.patch, filling).and_then(|domain| Conformal::new(&domain, work));
+                self.filled.push((filling, made));
+                self.filled.len() - 1
+            }
+        };
+        self.filled[at].1.as_ref().map_err(Clone::clone)
     }
 }
 
@@ -255,20 +307,6 @@ fn half_way(domain: &Domain<'_>, p: usize) -> usize {
         .max(1)
 }
 
-fn compute(
-    domain: &Domain<'_>,
-    conformal: std::result::Result<&Conformal, &EngineError>,
-    candidate: Candidate,
-    work: &Work<'_>,
-) -> Result<Vec<Vec2>> {
-    let count = domain.patch.positions.len();
-    match candidate {
-        Candidate::Spectral => Ok(as_points(&conformal.map_err(Clone::clone)?.spectral(work)?.0, count)),
-        Candidate::Pinned(p, q) => Ok(as_points(&conformal.map_err(Clone::clone)?.pinned(p, q, work)?, count)),
-        Candidate::MeanValue => mean_value::mean_value(domain, work),
-    }
-}
-
 /// What the checks say of one map.
 struct Trial {
     attempt: ChartAttempt,
@@ -277,7 +315,7 @@ struct Trial {
 
 enum Verdict {
     Usable(Vec<Vec2>, Distortion),
-    Crowded(String),
+    Crowded,
     NotBijective(Vec<u32>),
 }
 
@@ -314,8 +352,7 @@ fn examine(domain: &Domain<'_>, shapes: &FaceShapes, method: ChartMethod, mut uv
     let variation = scale_variation(&patch.triangles, &shapes.areas, &chart_areas(&patch.triangles, &uv), patch.positions.len());
     if variation > MAX_SCALE_VARIATION {
         attempt.rejected = format!("lengths are scaled by factors that differ {variation:.3e} times");
-        let reason = format!("the best chart is too uneven: {}", attempt.rejected);
-        return Ok(Trial { attempt, verdict: Verdict::Crowded(reason) });
+        return Ok(Trial { attempt, verdict: Verdict::Crowded });
     }
     let distortion = distortion(&patch.triangles, shapes, &uv);
     uv.iter_mut().flatten().for_each(|x| *x *= domain.unit);

@@ -2,12 +2,23 @@
 //! planar mesh to the input surface.
 
 use crate::curve::CurveMesh;
-use crate::error::{EngineError, Reason, Result};
+use crate::error::Result;
 use crate::fingerprint::{Contents, Feeder};
 use crate::parametrize::Chart;
 use crate::patch::Patch;
+use crate::topology::Topology;
 use crate::vector::{Vec2, Vec3};
 use crate::work::Work;
+use std::collections::BTreeMap;
+
+mod boundary;
+mod flexible;
+mod frontal;
+mod locate;
+mod metric;
+mod reduce;
+mod smooth;
+mod triangulation;
 
 /// A curve as one patch sees it: a boundary curve of the patch, or a feature inside it.
 #[derive(Debug, Clone)]
@@ -108,10 +119,18 @@ pub enum Mesher {
     Frontal,
 }
 
+/// Rounds of smoothing in the plane after the front has closed.
+const SMOOTHING_ROUNDS: usize = 3;
+
 /// Meshes a chart. `vertex_size` is the wanted length in space at each patch vertex. Deterministic; near-linear.
 ///
+/// Always delivers a mesh of the patch's topology with exactly the curve points on its boundary and curves, at any size: where
+/// chords of the curve points cross in the chart the mesh is made with more boundary vertices, which are then collapsed
+/// away in space. Around such places triangles of the result may overlap in the plane and are not pretty.
+///
 /// # Errors
-/// [`Reason::PlanarMeshFailed`] with a location if the boundary of the chart cannot be recovered; cancellation.
+/// [`Reason::Invariant`](crate::error::Reason::Invariant) if the curves do not fit the patch;
+/// [`Reason::PlanarMeshFailed`](crate::error::Reason::PlanarMeshFailed) if a boundary loop has fewer than three points; cancellation.
 pub fn mesh_chart(
     patch: &Patch,
     chart: &Chart,
@@ -120,12 +139,52 @@ pub fn mesh_chart(
     mesher: Mesher,
     work: &Work<'_>,
 ) -> Result<PlanarMesh> {
-    let _ = (patch, chart, curves, vertex_size, mesher, work);
-    Err(EngineError::new(Reason::NotBuilt, "planar mesh"))
+    let Mesher::Frontal = mesher;
+    work.check()?;
+    let topology = Topology::build(&patch.triangles, patch.positions.len())?;
+    let mut outline = boundary::Outline::new(patch, &chart.uv, &topology, curves)?;
+    let locator = locate::Locator::new(patch, &chart.uv, &topology);
+    let Some(mut mesh) = outline.triangulate(patch, &chart.uv, &topology, curves, work)? else {
+        return reduce::from_patch(patch, &chart.uv, &topology, curves, vertex_size, &locator, work);
+    };
+    let field = metric::MetricField::new(patch, &chart.uv, vertex_size);
+    mesh.metric = outline.metrics(&locator, &field);
+    let domain = frontal::Domain { locator: &locator, field: &field };
+    let first_free = mesh.uv.len();
+    let mut points = std::mem::take(&mut outline.points);
+    mesh.flip_all();
+    frontal::fill(&domain, &mut mesh, &mut points, work)?;
+    smooth::smooth(&domain, &mut mesh, &mut points, first_free, SMOOTHING_ROUNDS, work)?;
+    let mut origins = std::mem::take(&mut outline.origins);
+    origins.resize(mesh.uv.len(), VertexOrigin::Interior);
+    let planar = PlanarMesh { uv: mesh.uv, triangles: mesh.tri, origins, points };
+    if outline.extra.iter().any(|e| *e) {
+        return reduce::without_extra(patch, planar, &outline, curves, &locator, work);
+    }
+    Ok(planar)
+}
+
+/// Point in space of a point on a face of a patch.
+pub fn point_in_space(patch: &Patch, point: &SurfacePoint) -> Vec3 {
+    let [a, b, c] = patch.triangles[point.face as usize].map(|v| patch.positions[v as usize]);
+    let [x, y, z] = point.barycentric;
+    std::array::from_fn(|k| x * a[k] + y * b[k] + z * c[k])
 }
 
 /// Lifts a planar mesh to space: curve points take the positions of the curve mesh bit for bit, others lie on their face.
 pub fn lift(patch: &Patch, planar: &PlanarMesh, curves: &[CurveUse<'_>]) -> LiftedPatch {
-    let _ = (patch, planar, curves);
-    LiftedPatch::default()
+    let by_number: BTreeMap<u32, &CurveMesh> = curves.iter().map(|c| (c.curve, c.mesh)).collect();
+    let place = |(origin, point): (&VertexOrigin, &SurfacePoint)| match *origin {
+        VertexOrigin::Curve { curve, point: i } if by_number.contains_key(&curve) => by_number[&curve].points[i as usize].position,
+        _ => point_in_space(patch, point),
+    };
+    LiftedPatch {
+        positions: planar.origins.iter().zip(&planar.points).map(place).collect(),
+        triangles: planar.triangles.clone(),
+        origins: planar.origins.clone(),
+        points: planar.points.clone(),
+    }
 }
+
+#[cfg(test)]
+mod tests;

@@ -5,7 +5,10 @@ use crate::features::Features;
 use crate::fingerprint::{Contents, Feeder};
 use crate::mesh::SurfaceMesh;
 use crate::topology::Topology;
+use crate::vector::{angle_between, area_vector_twice, distance};
 use crate::work::Work;
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
 
 /// Which edge lengths are wanted.
 #[derive(Debug, Clone, PartialEq)]
@@ -68,10 +71,172 @@ pub const MAX_EXPECTED_TRIANGLES: f64 = 2.0e7;
 
 /// Evaluates a size specification. O(F log F) with growth, else O(F).
 ///
+/// Growth: along the surface (measured along mesh edges) lengths grow at most by `ln(growth_rate)` per unit of distance, which is
+/// the law under which the lengths of neighbouring elements have the ratio `growth_rate`.
+///
 /// # Errors
 /// [`Reason::BadParameter`] for lengths that are not positive and finite, a wrong array length, `min_size > max_size` or a growth
 /// rate below 1; [`Reason::LimitReached`] if more than [`MAX_EXPECTED_TRIANGLES`] would result.
 pub fn evaluate_size(mesh: &SurfaceMesh, topology: &Topology, features: &Features, spec: &SizeSpec, work: &Work<'_>) -> Result<SizeField> {
-    let _ = (mesh, topology, features, spec, work);
-    Err(EngineError::new(Reason::NotBuilt, "size field"))
+    work.check()?;
+    let count = mesh.positions.len();
+    let vertex_size = match spec {
+        SizeSpec::Uniform { size } => vec![positive("uniform.size", *size)?; count],
+        SizeSpec::TriangleCount { triangles } => vec![size_for_count(mesh, *triangles)?; count],
+        SizeSpec::PerVertex { sizes, min_size, max_size, growth_rate } => {
+            let mut field = clamped(sizes, count, *min_size, *max_size)?;
+            if let Some(rate) = growth_rate {
+                limit_growth(mesh, topology, &mut field, slope("per_vertex.growth_rate", *rate)?, work)?;
+            }
+            field
+        }
+        SizeSpec::Graded { min_size, max_size, growth_rate } => {
+            let low = positive("graded.min_size", *min_size)?;
+            let high = positive("graded.max_size", *max_size)?;
+            ordered(low, high)?;
+            let slope = slope("graded.growth_rate", *growth_rate)?;
+            if slope <= 0.0 {
+                return Err(EngineError::bad_parameter("graded.growth_rate", "must be above 1"));
+            }
+            let mut field = vec![high; count];
+            for v in graded_sources(mesh, topology, features) {
+                field[v as usize] = low;
+            }
+            limit_growth(mesh, topology, &mut field, slope, work)?;
+            field
+        }
+    };
+    check_count(mesh, &vertex_size)?;
+    let first = vertex_size.first().copied();
+    let uniform = first.filter(|f| vertex_size.iter().all(|s| s == f));
+    Ok(SizeField { vertex_size, uniform })
+}
+
+fn positive(field: &str, value: f64) -> Result<f64> {
+    if value.is_finite() && value > 0.0 {
+        Ok(value)
+    } else {
+        Err(EngineError::bad_parameter(field, format!("{value} is not a positive length")))
+    }
+}
+
+fn ordered(low: f64, high: f64) -> Result<()> {
+    if low <= high { Ok(()) } else { Err(EngineError::bad_parameter("min_size", format!("{low} is above max_size {high}"))) }
+}
+
+/// Growth of the length per unit of distance.
+fn slope(field: &str, rate: f64) -> Result<f64> {
+    if rate.is_finite() && rate >= 1.0 {
+        Ok(rate.ln())
+    } else {
+        Err(EngineError::bad_parameter(field, format!("{rate} is not a ratio of at least 1")))
+    }
+}
+
+fn size_for_count(mesh: &SurfaceMesh, triangles: u64) -> Result<f64> {
+    if triangles == 0 {
+        return Err(EngineError::bad_parameter("triangle_count.triangles", "must be at least 1"));
+    }
+    let size = (mesh.area() / triangles as f64 * 4.0 / 3f64.sqrt()).sqrt();
+    positive("triangle_count.triangles", size)
+}
+
+fn clamped(sizes: &[f64], count: usize, low: Option<f64>, high: Option<f64>) -> Result<Vec<f64>> {
+    if sizes.len() != count {
+        return Err(EngineError::bad_parameter("per_vertex.sizes", format!("{} lengths for {count} vertices", sizes.len())));
+    }
+    if let Some(bad) = sizes.iter().position(|s| !(s.is_finite() && *s > 0.0)) {
+        let message = format!("length {} of vertex {bad} is not positive and finite", sizes[bad]);
+        return Err(EngineError::bad_parameter("per_vertex.sizes", message));
+    }
+    let low = low.map_or(Ok(0.0), |l| positive("per_vertex.min_size", l))?;
+    let high = high.map_or(Ok(f64::INFINITY), |h| positive("per_vertex.max_size", h))?;
+    ordered(low, high)?;
+    Ok(sizes.iter().map(|s| s.clamp(low, high)).collect())
+}
+
+/// Refuses fields that ask for too many triangles: the integral of ds / (sqrt(3)/4 size^2).
+fn check_count(mesh: &SurfaceMesh, sizes: &[f64]) -> Result<()> {
+    let per_face = |f: usize| {
+        let [a, b, c] = mesh.corners(f);
+        let size = mesh.triangles[f].iter().map(|&v| sizes[v as usize]).sum::<f64>() / 3.0;
+        crate::vector::triangle_area(a, b, c) / (0.25 * 3f64.sqrt() * size * size)
+    };
+    let expected: f64 = (0..mesh.triangles.len()).map(per_face).sum();
+    if expected <= MAX_EXPECTED_TRIANGLES {
+        return Ok(());
+    }
+    Err(EngineError::new(
+        Reason::LimitReached,
+        format!("the sizes ask for about {expected:.3e} triangles, the limit is {MAX_EXPECTED_TRIANGLES:e}"),
+    )
+    .with_hint("ask for larger sizes")
+    .with_metadata("expected_triangles", expected)
+    .with_metadata("limit", MAX_EXPECTED_TRIANGLES))
+}
+
+/// Vertices where a graded field is finest: those on feature and boundary edges, in a component without any its flattest vertex.
+fn graded_sources(mesh: &SurfaceMesh, topology: &Topology, features: &Features) -> Vec<u32> {
+    let mut sources = Vec::new();
+    let mut has_source = vec![false; topology.components.len()];
+    for h in 0..topology.halfedge_count() as u32 {
+        if features.is_feature[h as usize] || topology.twin(h).is_none() {
+            sources.extend([topology.origin(h), topology.target(h)]);
+            has_source[topology.face_component[topology.face(h) as usize] as usize] = true;
+        }
+    }
+    let mut flattest: Vec<Option<(f64, u32)>> = vec![None; topology.components.len()];
+    let normal = |h: u32| {
+        let [a, b, c] = mesh.corners(topology.face(h) as usize);
+        area_vector_twice(a, b, c)
+    };
+    for v in 0..topology.vertex_count() as u32 {
+        let Some(first) = topology.outgoing(v).next() else { continue };
+        let component = topology.face_component[topology.face(first) as usize] as usize;
+        if has_source[component] {
+            continue;
+        }
+        let bend = topology.outgoing(v).filter_map(|h| Some(angle_between(normal(h), normal(topology.twin(h)?)))).fold(0.0, f64::max);
+        if flattest[component].is_none_or(|(least, _)| bend < least) {
+            flattest[component] = Some((bend, v));
+        }
+    }
+    sources.extend(flattest.into_iter().flatten().map(|(_, v)| v));
+    sources.sort_unstable();
+    sources.dedup();
+    sources
+}
+
+/// Lowers lengths until none exceeds a neighbour's by more than `slope` times their distance: one sweep in increasing order
+/// of length, as in Dijkstra's algorithm. O(E log E).
+fn limit_growth(mesh: &SurfaceMesh, topology: &Topology, sizes: &mut [f64], slope: f64, work: &Work<'_>) -> Result<()> {
+    // Positive floats order like their bits.
+    let mut heap: BinaryHeap<Reverse<(u64, u32)>> = (0..sizes.len() as u32).map(|v| Reverse((sizes[v as usize].to_bits(), v))).collect();
+    let total = sizes.len();
+    let mut done = 0usize;
+    while let Some(Reverse((bits, v))) = heap.pop() {
+        if bits != sizes[v as usize].to_bits() {
+            continue;
+        }
+        done += 1;
+        if done.is_multiple_of(4096) {
+            work.step(done.min(total), total)?;
+        }
+        let here = sizes[v as usize];
+        let mut relax = |w: u32| {
+            let bound = here + slope * distance(mesh.positions[v as usize], mesh.positions[w as usize]);
+            if bound < sizes[w as usize] {
+                sizes[w as usize] = bound;
+                heap.push(Reverse((bound.to_bits(), w)));
+            }
+        };
+        for h in topology.outgoing(v) {
+            relax(topology.target(h));
+            let before = topology.prev(h);
+            if topology.twin(before).is_none() {
+                relax(topology.origin(before));
+            }
+        }
+    }
+    Ok(())
 }

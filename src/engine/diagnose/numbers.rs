@@ -6,7 +6,6 @@ use crate::quality::TopologyNumbers;
 /// What is counted on the way to [`TopologyNumbers`] and is of use to the diagnosis.
 pub(crate) struct Counted {
     pub(crate) numbers: TopologyNumbers,
-    pub(crate) orientable: bool,
     /// Vertices with more than one umbrella, ascending.
     pub(crate) non_manifold_vertices: Vec<u32>,
     /// One boundary side for each boundary loop, ascending.
@@ -49,7 +48,6 @@ pub(crate) fn count(triangles: &[[u32; 3]], vertex_count: usize, edges: &EdgeTab
             non_manifold_vertices: non_manifold_vertices.len() as u32,
             inconsistent_edges: inconsistent,
         },
-        orientable,
         non_manifold_vertices,
         loop_sides,
         component_faces,

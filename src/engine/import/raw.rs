@@ -2,7 +2,7 @@
 
 use crate::error::{EngineError, Reason, Result};
 use crate::mesh::{LengthUnit, Region, SurfaceMesh};
-use crate::vector::Vec3;
+use crate::vector::{Vec3, distance};
 use crate::work::Work;
 use std::collections::HashMap;
 
@@ -36,8 +36,16 @@ impl RawSurface {
         Ok(())
     }
 
-    /// Appends a polygon as a fan around its first corner; fewer than three corners add nothing.
+    /// Appends a polygon: a quad cut along its shorter diagonal, larger ones as a fan around their first corner;
+    /// fewer than three corners add nothing.
     pub(crate) fn push_polygon(&mut self, corners: &[u32], region: u32) -> Result<()> {
+        if let [a, b, c, d] = *corners
+            && let [Some(pa), Some(pb), Some(pc), Some(pd)] = [a, b, c, d].map(|v| self.positions.get(v as usize).copied())
+            && distance(pb, pd) < distance(pa, pc)
+        {
+            self.push_triangle([a, b, d], region)?;
+            return self.push_triangle([b, c, d], region);
+        }
         for k in 1..corners.len().saturating_sub(1) {
             self.push_triangle([corners[0], corners[k], corners[k + 1]], region)?;
         }

@@ -86,11 +86,12 @@ struct Ascii {
     region: Option<u32>,
     facet: Vec<u32>,
     polygons: u64,
+    foreign: u64,
 }
 
 fn read_ascii(bytes: &[u8], raw: &mut RawSurface, work: &Work<'_>) -> Result<()> {
     raw.format = "STL ascii".to_owned();
-    let mut state = Ascii { solids: 0, region: None, facet: Vec::new(), polygons: 0 };
+    let mut state = Ascii { solids: 0, region: None, facet: Vec::new(), polygons: 0, foreign: 0 };
     let mut lines = Lines::new(bytes);
     let mut inside_facet = false;
     while let Some(line) = lines.next() {
@@ -115,6 +116,8 @@ fn read_ascii(bytes: &[u8], raw: &mut RawSurface, work: &Work<'_>) -> Result<()>
             b"outer" | b"endloop" => {}
             b"solid" => begin_solid(&mut state, raw, words.rest()),
             b"endsolid" => state.region = None,
+            // Some programs append statements of their own after the last solid.
+            _ if state.solids > 0 && state.region.is_none() && !inside_facet => state.foreign += 1,
             other => {
                 let shown = name_of(&other[..other.len().min(40)]);
                 return Err(lines.malformed(format!("{shown:?} is not a word of an ascii STL")));
@@ -123,6 +126,9 @@ fn read_ascii(bytes: &[u8], raw: &mut RawSurface, work: &Work<'_>) -> Result<()>
     }
     if inside_facet {
         return Err(lines.ends_early("the rest of a facet"));
+    }
+    if state.foreign > 0 {
+        raw.warnings.push(format!("{} lines between or after the solids are not STL and were not read", state.foreign));
     }
     if state.polygons > 0 {
         raw.warnings.push(format!("{} facets have more than three corners; they were fanned", state.polygons));

@@ -69,7 +69,7 @@ pub(super) fn boundary_mass(domain: &Domain<'_>) -> Vec<f64> {
 impl Conformal {
     /// Assembles and factorizes.
     pub(super) fn new(domain: &Domain<'_>, work: &Work<'_>) -> Result<Self> {
-        let boundary = domain.outer().to_vec();
+        let boundary = domain.outer.clone();
         let mass = boundary_mass(domain);
         let mut failure = None;
         for shift in SHIFTS {

@@ -1,9 +1,14 @@
-//! What the maps are computed on: the patch in normalised coordinates, its holes closed by virtual caps (P1 section 8).
+//! What the maps are computed on: the patch in normalised coordinates, perhaps with virtual triangles where it is not convex.
 //!
-//! Every boundary loop but the longest gets one more vertex, at its centroid, and the fan of triangles to it. So every domain is a
-//! disc: an annulus has no second conformal map (z and 1/z) to be confused with the first, inner loops cannot run across one
-//! another, and the convex combination theorem holds. The caps never leave this module's callers.
+//! - A *cap* closes a hole (P1 section 8 fills holes, too): one more vertex at the centroid of the loop and the fan of triangles
+//!   to it. It makes every patch a disc: an annulus has no second conformal map (z and 1/z) to be confused with the first, inner
+//!   loops cannot run across one another, and the convex combination theorem holds. Where a loop is no hole in a wall but a cut
+//!   far from any plane, a cap distorts the map for nothing, and the open patch does better.
+//! - An *ear* closes a reflex corner of the outer loop (see [`super::ears`]), which keeps the two sides of a notch from crossing.
+//!
+//! Virtual triangles only add to the operators; they never leave the callers of this module.
 
+use super::ears;
 use crate::error::{EngineError, Result};
 use crate::patch::Patch;
 use crate::vector::{Vec2, Vec3, add, bounds, cross, distance, dot, norm, scale, sub};
@@ -78,39 +83,61 @@ impl Flat {
     }
 }
 
-/// A patch closed up to a disc, in coordinates of order 1.
+/// Which virtual triangles a domain gets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Filling {
+    /// None: all loops are natural boundaries.
+    Open,
+    /// Caps in all loops but the longest.
+    Caps,
+    /// Ears along the longest loop.
+    Ears,
+    /// Both.
+    CapsAndEars,
+}
+
+/// A patch in coordinates of order 1, perhaps filled up.
 #[derive(Debug)]
 pub(super) struct Domain<'a> {
     /// The patch.
     pub(super) patch: &'a Patch,
     /// Normalised positions: those of the patch, then the centres of the caps.
     pub(super) positions: Vec<Vec3>,
-    /// The triangles of the caps.
-    pub(super) caps: Vec<[u32; 3]>,
+    /// The virtual triangles.
+    pub(super) virtual_triangles: Vec<[u32; 3]>,
+    /// The outer loop, without the vertices behind ears.
+    pub(super) outer: Vec<u32>,
     /// What a normalised length must be multiplied by; a power of two, so that nothing is rounded.
     pub(super) unit: f64,
 }
 
 impl<'a> Domain<'a> {
-    /// Normalises and closes a patch. O(size of the patch).
+    /// Normalises a patch and fills it up if wanted. O(size of the patch).
     ///
     /// # Errors
     /// A patch without faces or boundary, or with indices out of range (broken invariants).
-    pub(super) fn new(patch: &'a Patch) -> Result<Self> {
+    pub(super) fn new(patch: &'a Patch, filling: Filling) -> Result<Self> {
         check_patch(patch)?;
         let (low, high) = bounds(&patch.positions).ok_or_else(|| EngineError::invariant("a patch without vertices"))?;
         let unit = power_of_two_near(distance(low, high));
         let centre = scale(add(low, high), 0.5);
-        let mut positions: Vec<Vec3> = patch.positions.iter().map(|&p| scale(sub(p, centre), 1.0 / unit)).collect();
-        let mut caps = Vec::new();
-        for ring in &patch.loops[1..] {
-            let middle = positions.len() as u32;
-            let sum = ring.iter().fold([0.0; 3], |s, &v| add(s, positions[v as usize]));
-            positions.push(scale(sum, 1.0 / ring.len() as f64));
-            // The patch lies left of the loop; the cap runs along it the other way.
-            caps.extend((0..ring.len()).map(|k| [ring[(k + 1) % ring.len()], ring[k], middle]));
+        let positions: Vec<Vec3> = patch.positions.iter().map(|&p| scale(sub(p, centre), 1.0 / unit)).collect();
+        let mut domain = Domain { patch, positions, virtual_triangles: Vec::new(), outer: patch.loops[0].clone(), unit };
+        if matches!(filling, Filling::Caps | Filling::CapsAndEars) {
+            patch.loops[1..].iter().for_each(|ring| domain.cap(ring));
         }
-        Ok(Domain { patch, positions, caps, unit })
+        if matches!(filling, Filling::Ears | Filling::CapsAndEars) {
+            ears::clip(&mut domain);
+        }
+        Ok(domain)
+    }
+
+    fn cap(&mut self, ring: &[u32]) {
+        let middle = self.positions.len() as u32;
+        let sum = ring.iter().fold([0.0; 3], |s, &v| add(s, self.positions[v as usize]));
+        self.positions.push(scale(sum, 1.0 / ring.len() as f64));
+        // The patch lies left of the loop; the cap runs along it the other way.
+        self.virtual_triangles.extend((0..ring.len()).map(|k| [ring[(k + 1) % ring.len()], ring[k], middle]));
     }
 
     /// Number of vertices, centres of caps included.
@@ -118,9 +145,9 @@ impl<'a> Domain<'a> {
         self.positions.len()
     }
 
-    /// All triangles, caps last.
+    /// All triangles, virtual ones last.
     pub(super) fn triangles(&self) -> impl Iterator<Item = [u32; 3]> + Clone + '_ {
-        self.patch.triangles.iter().chain(&self.caps).copied()
+        self.patch.triangles.iter().chain(&self.virtual_triangles).copied()
     }
 
     /// Layout of a triangle.
@@ -128,14 +155,9 @@ impl<'a> Domain<'a> {
         Flat::of(t.map(|v| self.positions[v as usize]))
     }
 
-    /// The loop that becomes the outer boundary.
-    pub(super) fn outer(&self) -> &'a [u32] {
-        &self.patch.loops[0]
-    }
-
     /// Lengths of the edges of the outer loop, edge `k` leaving its vertex `k`; none is 0.
     pub(super) fn outer_lengths(&self) -> Vec<f64> {
-        let ring = self.outer();
+        let ring = &self.outer;
         let lengths: Vec<f64> = (0..ring.len())
             .map(|k| distance(self.positions[ring[k] as usize], self.positions[ring[(k + 1) % ring.len()] as usize]))
             .collect();

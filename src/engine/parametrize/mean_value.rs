@@ -19,7 +19,7 @@ const FIXED: u32 = u32::MAX;
 pub(super) fn mean_value(domain: &Domain<'_>, work: &Work<'_>) -> Result<Vec<Vec2>> {
     let mut uv = circle(domain);
     let mut unknown = vec![0u32; domain.size()];
-    domain.outer().iter().for_each(|&v| unknown[v as usize] = FIXED);
+    domain.outer.iter().for_each(|&v| unknown[v as usize] = FIXED);
     let mut count = 0;
     for slot in unknown.iter_mut().filter(|slot| **slot != FIXED) {
         *slot = count;
@@ -44,7 +44,7 @@ fn circle(domain: &Domain<'_>) -> Vec<Vec2> {
     let total: f64 = lengths.iter().sum();
     let mut uv = vec![[0.0; 2]; domain.size()];
     let mut run = 0.0;
-    for (&v, length) in domain.outer().iter().zip(lengths) {
+    for (&v, length) in domain.outer.iter().zip(lengths) {
         let (sin, cos) = (std::f64::consts::TAU * run / total).sin_cos();
         uv[v as usize] = [cos, sin];
         run += length;

@@ -1,6 +1,6 @@
 //! How a request walks the stage graph: it executes stages through the cache, or only looks at what is cached.
 
-use super::{Answer, planned};
+use super::Answer;
 use crate::engine::Engine;
 use crate::error::{EngineError, Result};
 use crate::fingerprint::Contents;
@@ -124,7 +124,7 @@ impl<'a> Context<'a> {
 
     fn planned_record(&self, stage: Stage, subject: Subject, hit: bool, bytes: u64) -> StageRecord {
         let milliseconds = if hit { 0.0 } else { self.engine.cache.mean_milliseconds(stage) };
-        StageRecord { stage, subject, outcome: planned(hit), milliseconds, bytes }
+        StageRecord { stage, subject, outcome: if hit { Outcome::Hit } else { Outcome::Run }, milliseconds, bytes }
     }
 
     /// One stage through the cache.

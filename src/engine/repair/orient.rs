@@ -83,7 +83,7 @@ pub(crate) fn split_fans(mesh: &mut SurfaceMesh, edges: &EdgeTable) -> u64 {
     }
     for edge in 0..edges.len() {
         if edges.of(edge).len() > 2 {
-            ends(&mesh.triangles, edges.of(edge)[0]).map(|v| fans[v as usize] = 0);
+            ends(&mesh.triangles, edges.of(edge)[0]).iter().for_each(|&v| fans[v as usize] = 0);
         }
     }
     // The least corner of a fan stands for it, so fans are met in the order of their first faces.

@@ -1,0 +1,392 @@
+//! The one file that ties stage functions to stage keys, in the order of the pipeline. In a plan, a stage that is not cached is
+//! recorded as "will run" and nothing below it is looked at.
+
+use super::context::{Context, Halt, Step};
+use super::patch_set::{PatchCurve, PatchSet, curve_uses};
+use super::{Charts, Remesh, Surface};
+use crate::assemble::{Assembled, assemble};
+use crate::bvh::TriangleBvh;
+use crate::curve::{CurveMesh, CurvePolyline, curve_polyline, mesh_curve, trace_curves};
+use crate::error::{EngineError, Reason, Result};
+use crate::features::{Features, detect_features};
+use crate::fingerprint::{Contents, Feeder, Fingerprint};
+use crate::import::{ImportOptions, Imported, import_arrays, import_mesh};
+use crate::mesh::SurfaceMesh;
+use crate::optimize::optimize_surface;
+use crate::parametrize::{ChartOutcome, ConformalFactor, factor_conformal, parametrize_patch};
+use crate::partition::{Partition, partition_surface, split_patches};
+use crate::patch::{PatchMap, extract_patches};
+use crate::planar::{CurveUse, LiftedPatch, PlanarMesh, VertexOrigin, lift, mesh_chart};
+use crate::quality::{QualityReport, QualityScope, TargetSize, measure_quality};
+use crate::sample;
+use crate::session::{MeshSource, Snapshot};
+use crate::sizing::{SizeField, evaluate_size};
+use crate::stage::{Stage, StageKey, Stored, Subject};
+use crate::topology::Topology;
+use std::sync::Arc;
+
+/// Largest number of times patches without a usable chart are split.
+const MAX_RESPLITS: usize = 24;
+
+pub(super) fn import_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Stored<Imported>> {
+    let source = snapshot.source.as_ref().ok_or_else(|| {
+        EngineError::new(Reason::NoMesh, "the session holds no mesh").with_hint("import a file, arrays or a sample first")
+    })?;
+    import_source_step(context, source, &snapshot.import)
+}
+
+pub(super) fn import_source_step(context: &Context<'_>, source: &MeshSource, options: &ImportOptions) -> Step<Stored<Imported>> {
+    let key = StageKey::new(Stage::Import, |f| {
+        source.feed(f);
+        f.text(&format!("{options:?}"));
+    });
+    context.stage(key, Subject::Surface, |work| match source {
+        MeshSource::File(blob) => import_mesh(&blob.bytes, options, work),
+        MeshSource::Arrays { mesh, .. } => import_arrays(SurfaceMesh::clone(mesh), options, work),
+        MeshSource::Sample(spec) => import_arrays(sample::generate(spec, work)?, options, work),
+    })
+}
+
+pub(super) fn surface_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Surface> {
+    let imported = import_step(context, snapshot)?;
+    if let Some(refusal) = imported.diagnosis.refusal() {
+        return Err(refusal.into());
+    }
+    let key = StageKey::new(Stage::Topology, |f| {
+        f.fingerprint(imported.output);
+    });
+    let mesh = &imported.mesh;
+    let topology = context.stage(key, Subject::Surface, |_| Topology::build(&mesh.triangles, mesh.positions.len()))?;
+    Ok(Surface { imported, topology })
+}
+
+pub(super) fn features_step(context: &Context<'_>, snapshot: &Snapshot, surface: &Surface) -> Step<Stored<Features>> {
+    let spec = &snapshot.features;
+    let key = StageKey::new(Stage::Features, |f| {
+        f.fingerprint(surface.imported.output).text(&format!("{spec:?}"));
+    });
+    context.stage(key, Subject::Surface, |work| detect_features(&surface.imported.mesh, &surface.topology, spec, work))
+}
+
+pub(super) fn partition_step(
+    context: &Context<'_>,
+    snapshot: &Snapshot,
+    surface: &Surface,
+    features: &Stored<Features>,
+) -> Step<Stored<Partition>> {
+    let spec = &snapshot.partition;
+    let key = StageKey::new(Stage::Partition, |f| {
+        f.fingerprint(surface.imported.output).fingerprint(features.output).text(&format!("{spec:?}"));
+    });
+    context.stage(key, Subject::Surface, |work| partition_surface(&surface.imported.mesh, &surface.topology, features, spec, work))
+}
+
+fn patches_step(
+    context: &Context<'_>,
+    surface: &Surface,
+    features: &Stored<Features>,
+    partition: &Stored<Partition>,
+) -> Step<Stored<PatchSet>> {
+    let key = StageKey::new(Stage::Patches, |f| {
+        f.fingerprint(surface.imported.output).fingerprint(features.output).fingerprint(partition.output);
+    });
+    context.stage(key, Subject::Surface, |_| {
+        let network = trace_curves(&surface.topology, features, partition);
+        let cut = extract_patches(&surface.imported.mesh, &surface.topology, partition)?;
+        let uses = curve_uses(&surface.topology, partition, &network, &cut)?;
+        let patches = cut.into_iter().map(|(patch, map)| {
+            let fingerprint = patch.fingerprint();
+            (Arc::new(patch), fingerprint, Arc::new(map))
+        });
+        Ok(PatchSet { patches: patches.collect(), network, uses })
+    })
+}
+
+/// Indices of patches, those with most faces first, so that threads end at about the same time.
+fn largest_first(patches: &PatchSet, listed: impl Iterator<Item = usize>) -> Vec<usize> {
+    let mut order: Vec<usize> = listed.collect();
+    order.sort_by_key(|&p| (std::cmp::Reverse(patches.patches[p].0.triangles.len()), p));
+    order
+}
+
+pub(super) fn charts_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Charts> {
+    let surface = surface_step(context, snapshot)?;
+    let features = features_step(context, snapshot, &surface)?;
+    let mut partition = partition_step(context, snapshot, &surface, &features)?;
+    let mut resplit = 0;
+    for _ in 0..=MAX_RESPLITS {
+        let patches = patches_step(context, &surface, &features, &partition)?;
+        let order = largest_first(&patches, 0..patches.patches.len());
+        let charts = context.each(&order, |p| chart_step(context, snapshot, &patches, p))?;
+        let failing: Vec<u32> =
+            (0..charts.len()).filter(|&p| matches!(*charts[p].value, ChartOutcome::MustSplit { .. })).map(|p| p as u32).collect();
+        if failing.is_empty() {
+            return Ok(Charts { surface, features, partition, patches, charts, resplit });
+        }
+        resplit += failing.len() as u32;
+        let key = StageKey::new(Stage::Partition, |f| {
+            f.fingerprint(surface.imported.output).fingerprint(features.output).fingerprint(partition.output).u32s(&failing);
+        });
+        let split = context.stage(key, Subject::Surface, |work| {
+            split_patches(&surface.imported.mesh, &surface.topology, &features, &partition, &failing, work)
+        })?;
+        partition = split;
+    }
+    Err(EngineError::new(Reason::ChartFailed, format!("some patches have no usable chart even after {MAX_RESPLITS} splits"))
+        .with_hint("diagnose the surface: zero-width necks and folded faces cannot be mapped")
+        .into())
+}
+
+fn chart_step(context: &Context<'_>, snapshot: &Snapshot, patches: &PatchSet, p: usize) -> Step<Stored<ChartOutcome>> {
+    let (patch, fingerprint, _) = &patches.patches[p];
+    let subject = Subject::Patch(p as u32);
+    let spec = snapshot.chart;
+    let key = StageKey::new(Stage::Chart, |f| {
+        f.fingerprint(*fingerprint).text(&format!("{spec:?}"));
+    });
+    context.nested_stage(key, subject, |work| {
+        let factor_key = StageKey::new(Stage::Factor, |f| {
+            f.fingerprint(*fingerprint);
+        });
+        let factor =
+            context.stage(factor_key, subject, |work| factor_conformal(patch, work).map(|factor| Factor { factor, of: *fingerprint }));
+        let factor = match factor {
+            Ok(factor) => Ok(factor),
+            Err(Halt::Error(error)) if error.reason() == Reason::SolverSingular => Err(error),
+            Err(halt) => return Err(halt),
+        };
+        Ok(parametrize_patch(patch, factor.as_ref().map(|f| &f.factor), spec, work)?)
+    })
+}
+
+/// A cached factor; its identity is that of the patch it belongs to.
+struct Factor {
+    factor: ConformalFactor,
+    of: Fingerprint,
+}
+
+impl Contents for Factor {
+    fn feed(&self, into: &mut Feeder) {
+        into.fingerprint(self.of);
+    }
+
+    fn bytes(&self) -> usize {
+        self.factor.bytes()
+    }
+}
+
+pub(super) fn size_step(context: &Context<'_>, snapshot: &Snapshot, charts: &Charts) -> Step<Stored<SizeField>> {
+    let spec = snapshot.size.as_ref().ok_or_else(|| {
+        EngineError::bad_parameter("size", "no size is set")
+            .with_hint("set a uniform size, a triangle count, per-vertex sizes or a graded field")
+    })?;
+    let key = StageKey::new(Stage::Size, |f| {
+        f.fingerprint(charts.surface.imported.output).fingerprint(charts.features.output).text(&format!("{spec:?}"));
+    });
+    let surface = &charts.surface;
+    context.stage(key, Subject::Surface, |work| evaluate_size(&surface.imported.mesh, &surface.topology, &charts.features, spec, work))
+}
+
+/// Lifted meshes of patches and the curve meshes they share.
+pub(super) struct Lifted {
+    curves: Vec<Option<Stored<CurveMesh>>>,
+    /// One for each listed patch, in the order listed.
+    pub(super) lifted: Vec<Stored<LiftedPatch>>,
+}
+
+pub(super) fn lifted_step(context: &Context<'_>, snapshot: &Snapshot, charts: &Charts, sizes: &SizeField, listed: &[u32]) -> Step<Lifted> {
+    let patches = &charts.patches;
+    let mut wanted: Vec<usize> = listed.iter().flat_map(|&p| patches.uses[p as usize].iter().map(|u| u.curve as usize)).collect();
+    wanted.sort_unstable();
+    wanted.dedup();
+    let meshed = context.each(&wanted, |c| curve_step(context, charts, sizes, c))?;
+    let mut curves = vec![None; patches.network.curves.len()];
+    for (c, mesh) in wanted.into_iter().zip(meshed) {
+        curves[c] = Some(mesh);
+    }
+    let order = largest_first(patches, listed.iter().map(|&p| p as usize));
+    let by_patch = context.each(&order, |p| lift_step(context, snapshot, charts, sizes, &curves, p))?;
+    // `each` gives results by increasing patch; hand them out in the order asked for.
+    let mut sorted: Vec<u32> = listed.to_vec();
+    sorted.sort_unstable();
+    let lifted = listed.iter().map(|p| by_patch[sorted.partition_point(|q| q < p)].clone()).collect();
+    Ok(Lifted { curves, lifted })
+}
+
+fn curve_step(context: &Context<'_>, charts: &Charts, sizes: &SizeField, c: usize) -> Step<Stored<CurveMesh>> {
+    let surface = &charts.surface;
+    let curve = &charts.patches.network.curves[c];
+    let polyline: CurvePolyline = curve_polyline(&surface.imported.mesh, &surface.topology, curve, &sizes.vertex_size);
+    let key = StageKey::new(Stage::Curve, |f| polyline.feed(f));
+    context.stage(key, Subject::Curve(c as u32), |work| mesh_curve(&polyline, work))
+}
+
+fn lift_step(
+    context: &Context<'_>,
+    snapshot: &Snapshot,
+    charts: &Charts,
+    sizes: &SizeField,
+    curves: &[Option<Stored<CurveMesh>>],
+    p: usize,
+) -> Step<Stored<LiftedPatch>> {
+    let (patch, fingerprint, map) = &charts.patches.patches[p];
+    let subject = Subject::Patch(p as u32);
+    let chart = charts.chart(p).ok_or_else(|| EngineError::invariant(format!("patch {p} has no chart")))?;
+    let local_size: Vec<f64> = map.vertices.iter().map(|&v| sizes.vertex_size[v as usize]).collect();
+    let uses = &charts.patches.uses[p];
+    let mut meshes = Vec::with_capacity(uses.len());
+    for used in uses {
+        let mesh = curves[used.curve as usize].as_ref();
+        meshes.push(mesh.ok_or_else(|| EngineError::invariant(format!("curve {} is not meshed", used.curve)))?);
+    }
+    // Curves are numbered by their place in `uses`, so that the key holds contents only.
+    let local_uses: Vec<CurveUse<'_>> = uses
+        .iter()
+        .zip(&meshes)
+        .enumerate()
+        .map(|(place, (used, mesh))| CurveUse { path: used.path.clone(), mesh: &mesh.value, curve: place as u32 })
+        .collect();
+    let key = StageKey::new(Stage::Planar, |f| {
+        f.fingerprint(*fingerprint).fingerprint(charts.charts[p].output).f64s(&local_size).text(&format!("{:?}", snapshot.mesher));
+        for (used, mesh) in uses.iter().zip(&meshes) {
+            f.u32s(&used.path).fingerprint(mesh.output);
+        }
+    });
+    let planar: Stored<PlanarMesh> =
+        context.stage(key, subject, |work| mesh_chart(patch, chart, &local_uses, &local_size, snapshot.mesher, work))?;
+    let key = StageKey::new(Stage::Lift, |f| {
+        f.fingerprint(key.input).fingerprint(planar.output);
+    });
+    context.stage(key, subject, |_| Ok(lift(patch, &planar, &local_uses)))
+}
+
+pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Remesh> {
+    let charts = match charts_step(context, snapshot) {
+        Err(Halt::Unknown) => {
+            context.will_run(&[Stage::Assembly, Stage::SearchTree, Stage::Optimize]);
+            return Err(Halt::Unknown);
+        }
+        other => other?,
+    };
+    let below = |halt: Halt| {
+        if matches!(halt, Halt::Unknown) {
+            context.will_run(&[Stage::Assembly, Stage::Optimize]);
+        }
+        halt
+    };
+    let sizes = size_step(context, snapshot, &charts).map_err(below)?;
+    let all: Vec<u32> = (0..charts.charts.len() as u32).collect();
+    let tree = search_tree_step(context, &charts.surface.imported);
+    let meshes = lifted_step(context, snapshot, &charts, &sizes, &all).map_err(below)?;
+    let tree = tree.map_err(below)?;
+    let assembled = assembly_step(context, &charts, &meshes).map_err(below)?;
+    let spec = &snapshot.optimize;
+    let key = StageKey::new(Stage::Optimize, |f| {
+        f.fingerprint(charts.surface.imported.output).fingerprint(assembled.output).fingerprint(sizes.output).text(&format!("{spec:?}"));
+    });
+    let input = &charts.surface.imported.mesh;
+    let result = context.stage(key, Subject::Surface, |work| optimize_surface(input, &tree.tree, &assembled, &sizes, spec, work))?;
+    Ok(Remesh { charts, sizes, result })
+}
+
+fn assembly_step(context: &Context<'_>, charts: &Charts, meshes: &Lifted) -> Step<Stored<Assembled>> {
+    let key = StageKey::new(Stage::Assembly, |f| {
+        f.fingerprint(charts.patches.output).fingerprint(charts.features.output);
+        for lifted in &meshes.lifted {
+            f.fingerprint(lifted.output);
+        }
+    });
+    context.stage(key, Subject::Surface, |_| {
+        let curve_meshes: Vec<Arc<CurveMesh>> =
+            meshes.curves.iter().map(|c| c.as_ref().map_or_else(Arc::default, |mesh| mesh.value.clone())).collect();
+        let numbered: Vec<(Arc<LiftedPatch>, &PatchMap)> = (0..meshes.lifted.len())
+            .map(|p| (Arc::new(with_network_numbers(&meshes.lifted[p], &charts.patches.uses[p])), &*charts.patches.patches[p].2))
+            .collect();
+        let surface = &charts.surface;
+        assemble(&surface.imported.mesh, &surface.topology, &charts.features.corners, &charts.patches.network, &curve_meshes, &numbered)
+    })
+}
+
+/// Curve numbers of the network instead of places in the patch's own list.
+fn with_network_numbers(lifted: &LiftedPatch, uses: &[PatchCurve]) -> LiftedPatch {
+    let mut copy = lifted.clone();
+    for origin in &mut copy.origins {
+        if let VertexOrigin::Curve { curve, .. } = origin {
+            *curve = uses[*curve as usize].curve;
+        }
+    }
+    copy
+}
+
+/// A cached search tree; its identity is that of the surface it belongs to.
+struct SearchTree {
+    tree: TriangleBvh,
+    of: Fingerprint,
+}
+
+impl Contents for SearchTree {
+    fn feed(&self, into: &mut Feeder) {
+        into.fingerprint(self.of);
+    }
+
+    fn bytes(&self) -> usize {
+        self.tree.bytes()
+    }
+}
+
+pub(super) fn search_tree_step(context: &Context<'_>, imported: &Stored<Imported>) -> Step<Stored<SearchTree>> {
+    let key = StageKey::new(Stage::SearchTree, |f| {
+        f.fingerprint(imported.output);
+    });
+    let mesh = &imported.mesh;
+    let of = imported.output;
+    context.stage(key, Subject::Surface, |_| Ok(SearchTree { tree: TriangleBvh::build(&mesh.positions, &mesh.triangles), of }))
+}
+
+pub(super) fn quality_step(context: &Context<'_>, remesh: &Remesh, scope: QualityScope) -> Step<Stored<QualityReport>> {
+    let surface = &remesh.charts.surface;
+    let tree = search_tree_step(context, &surface.imported)?;
+    let key = StageKey::new(Stage::Quality, |f| {
+        f.fingerprint(surface.imported.output).fingerprint(remesh.result.output).fingerprint(remesh.sizes.output).u64(scope as u64);
+    });
+    context.stage(key, Subject::Surface, |work| {
+        let output = &remesh.result.mesh;
+        let target = match remesh.sizes.uniform {
+            Some(size) => TargetSize::Uniform(size),
+            None => TargetSize::PerVertex(sizes_on_output(surface, &tree.tree, &remesh.sizes, output)?),
+        };
+        measure_quality(&surface.imported.mesh, &tree.tree, output, Some(&target), scope, work)
+    })
+}
+
+/// The size field at the vertices of the output, linear on the input face below each.
+fn sizes_on_output(surface: &Surface, tree: &TriangleBvh, sizes: &SizeField, output: &SurfaceMesh) -> Result<Vec<f64>> {
+    let input = &surface.imported.mesh;
+    let at = |point: &[f64; 3]| {
+        let hit = tree.closest(*point).ok_or_else(|| EngineError::invariant("the search tree is empty"))?;
+        let [a, b, c] = input.corners(hit.face as usize);
+        let [i, j, k] = input.triangles[hit.face as usize].map(|v| sizes.vertex_size[v as usize]);
+        let weight = |p, q| crate::vector::triangle_area(p, q, hit.position);
+        let (wa, wb, wc) = (weight(b, c), weight(c, a), weight(a, b));
+        let sum = wa + wb + wc;
+        Ok(if sum > 0.0 { (wa * i + wb * j + wc * k) / sum } else { i })
+    };
+    output.positions.iter().map(at).collect()
+}
+
+pub(super) fn compare_step(
+    context: &Context<'_>,
+    input: (&MeshSource, &ImportOptions),
+    output: (&MeshSource, &ImportOptions),
+    size: Option<f64>,
+    scope: QualityScope,
+) -> Step<Stored<QualityReport>> {
+    let before = import_source_step(context, input.0, input.1)?;
+    let after = import_source_step(context, output.0, output.1)?;
+    let tree = search_tree_step(context, &before)?;
+    let key = StageKey::new(Stage::Quality, |f| {
+        f.text("compare").fingerprint(before.output).fingerprint(after.output).option_f64(size).u64(scope as u64);
+    });
+    let target = size.map(TargetSize::Uniform);
+    context.stage(key, Subject::Surface, |work| measure_quality(&before.mesh, &tree.tree, &after.mesh, target.as_ref(), scope, work))
+}

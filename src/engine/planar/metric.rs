@@ -1,0 +1,86 @@
+//! The metric of the map (P1 eq. 2) divided by the squared size: lengths in it are numbers of elements.
+
+use super::SurfacePoint;
+use super::locate::{Locator, area2};
+use crate::patch::Patch;
+use crate::vector::{Vec2, dot, sub};
+
+/// A symmetric positive 2 x 2 matrix `[[m0, m1], [m1, m2]]`.
+pub(super) type Metric = [f64; 3];
+
+/// Scalar product in a metric.
+#[inline]
+pub(super) fn inner(m: Metric, a: Vec2, b: Vec2) -> f64 {
+    a[0] * (m[0] * b[0] + m[1] * b[1]) + a[1] * (m[1] * b[0] + m[2] * b[1])
+}
+
+/// Length in a metric.
+#[inline]
+pub(super) fn length(m: Metric, a: Vec2) -> f64 {
+    inner(m, a, a).max(0.0).sqrt()
+}
+
+/// Square root of the determinant: area in the metric per area.
+#[inline]
+pub(super) fn density(m: Metric) -> f64 {
+    (m[0] * m[2] - m[1] * m[1]).max(0.0).sqrt()
+}
+
+/// What is interpolated in the chart: the pull-back metric and the size, at each vertex.
+pub(super) struct MetricField {
+    /// `[m0, m1, m2, size]`
+    values: Vec<[f64; 4]>,
+}
+
+/// Metric tensor of the inverse map on a face: `(dx/du)^T (dx/du)`.
+fn face_metric(patch: &Patch, uv: &[Vec2], face: usize) -> Option<(Metric, f64)> {
+    let t = patch.triangles[face].map(|v| v as usize);
+    let [a, b, c] = t.map(|v| uv[v]);
+    let area = area2(a, b, c);
+    if !(area > 0.0) {
+        return None;
+    }
+    let (e, f) = (sub(patch.positions[t[1]], patch.positions[t[0]]), sub(patch.positions[t[2]], patch.positions[t[0]]));
+    // Rows of the inverse of [b - a, c - a].
+    let inverse = [[(c[1] - a[1]) / area, -(c[0] - a[0]) / area], [-(b[1] - a[1]) / area, (b[0] - a[0]) / area]];
+    let x: [[f64; 3]; 2] = std::array::from_fn(|j| std::array::from_fn(|k| e[k] * inverse[0][j] + f[k] * inverse[1][j]));
+    let m = [dot(x[0], x[0]), dot(x[0], x[1]), dot(x[1], x[1])];
+    m.iter().all(|v| v.is_finite()).then_some((m, area))
+}
+
+impl MetricField {
+    /// Metrics of the faces averaged to the vertices by chart area, so that for a conformal map the metric at a vertex is the
+    /// ratio of areas around it.
+    pub(super) fn new(patch: &Patch, uv: &[Vec2], sizes: &[f64]) -> MetricField {
+        let mut values = vec![[0.0; 4]; patch.positions.len()];
+        let mut weight = vec![0.0; values.len()];
+        for f in 0..patch.triangles.len() {
+            let Some((m, area)) = face_metric(patch, uv, f) else { continue };
+            for &v in &patch.triangles[f] {
+                for k in 0..3 {
+                    values[v as usize][k] += area * m[k];
+                }
+                weight[v as usize] += area;
+            }
+        }
+        for v in 0..values.len() {
+            let m = &mut values[v];
+            let usable = weight[v] > 0.0 && m[0] * m[2] - m[1] * m[1] > 0.0;
+            if usable {
+                (0..3).for_each(|k| m[k] /= weight[v]);
+            } else {
+                *m = [1.0, 0.0, 1.0, 0.0];
+            }
+            m[3] = sizes[v];
+        }
+        MetricField { values }
+    }
+
+    /// The metric over squared size at a point of the chart.
+    #[inline]
+    pub(super) fn at(&self, locator: &Locator<'_>, point: &SurfacePoint) -> Metric {
+        let [a, b, c, size] = locator.at(point, &self.values);
+        let s = 1.0 / (size * size);
+        [a * s, b * s, c * s]
+    }
+}
