@@ -11,6 +11,8 @@ mod ply;
 pub(crate) mod raw;
 mod select;
 pub(crate) mod stl;
+#[cfg(test)]
+mod tests;
 mod text;
 
 use crate::diagnose::{Diagnosis, diagnose};

@@ -2,6 +2,10 @@
 
 pub(crate) mod faces;
 pub(crate) mod orient;
+#[cfg(test)]
+pub(crate) mod shapes;
+#[cfg(test)]
+mod tests;
 pub mod weld;
 
 use crate::diagnose::edges::EdgeTable;

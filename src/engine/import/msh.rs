@@ -1,6 +1,6 @@
 //! Gmsh MSH 2.x and 4.1, ascii and binary: sections, physical groups, nodes. The elements are in `msh22` and `msh41`.
 
-pub(crate) mod elements;
+mod elements;
 mod v22;
 mod v41;
 
@@ -10,7 +10,7 @@ use super::text::{Lines, Words, name_of};
 use crate::error::{EngineError, Reason, Result};
 use crate::vector::Vec3;
 use crate::work::Work;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 /// What is known while reading.
 struct State {
@@ -21,6 +21,7 @@ struct State {
     version4: bool,
     /// Names of the physical groups of surfaces, in the order of the file.
     physical_names: Vec<(i64, String)>,
+    name_of_physical: HashMap<i64, String>,
     /// First physical group of each surface entity (4.1).
     physical_of_surface: BTreeMap<i64, i64>,
     nodes: Nodes,
@@ -69,6 +70,7 @@ pub(crate) fn read(bytes: &[u8], raw: &mut RawSurface, work: &Work<'_>) -> Resul
         size_t: 8,
         version4: false,
         physical_names: Vec::new(),
+        name_of_physical: HashMap::new(),
         physical_of_surface: BTreeMap::new(),
         nodes: Nodes::default(),
         tally: elements::Tally::default(),
@@ -161,6 +163,7 @@ fn read_names(lines: &mut Lines<'_>, state: &mut State) -> Result<()> {
         };
         let name = name_of(words.rest().strip_prefix(b"\"").map_or(words.rest(), |n| n.strip_suffix(b"\"").unwrap_or(n)));
         if dimension == 2 {
+            state.name_of_physical.entry(tag).or_insert_with(|| name.clone());
             state.physical_names.push((tag, name));
         }
     }
@@ -186,7 +189,7 @@ fn region_of(state: &State, physical: i64, entity: i64, raw: &mut RawSurface) ->
     if physical == 0 {
         return raw.regions.numbered(entity, "");
     }
-    let name = state.physical_names.iter().find(|(tag, _)| *tag == physical).map_or("", |(_, name)| name);
+    let name = state.name_of_physical.get(&physical).map_or("", |name| name);
     raw.regions.numbered(physical, name)
 }
 

@@ -6,6 +6,7 @@ use super::raw::{RawSurface, checkpoint};
 use super::text::{Lines, Words, name_of};
 use crate::error::{EngineError, Reason, Result};
 use crate::work::Work;
+use std::collections::HashMap;
 
 /// Type of a number in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -117,9 +118,6 @@ struct Header {
 pub(crate) fn read(bytes: &[u8], raw: &mut RawSurface, work: &Work<'_>) -> Result<()> {
     let mut lines = Lines::new(bytes);
     let header = read_header(&mut lines)?;
-    for (id, name) in &header.region_names {
-        raw.regions.numbered(*id, name);
-    }
     let mut numbers = match header.order {
         None => Numbers::Text(lines, Words::new(b"")),
         Some(order) => Numbers::Binary(ByteReader::new(lines.rest(), lines.offset(), order)),
@@ -268,6 +266,11 @@ fn read_faces(
     let indices = indices.ok_or_else(|| EngineError::new(Reason::FormatMalformed, "the faces have no list vertex_indices"))?;
     let region = element.property(&[b"region", b"patch_id"]).filter(|&p| element.properties[p].list.is_none());
     let mut corners = Vec::new();
+    // A region has the first name that the comments give its number.
+    let mut known: HashMap<i64, u32> = HashMap::new();
+    for (id, name) in names {
+        known.entry(*id).or_insert_with(|| raw.regions.numbered(*id, name));
+    }
     let mut last = None;
     let mut small = 0u64;
     for row in 0..element.count {
@@ -288,11 +291,8 @@ fn read_faces(
         }
         small += u64::from(corners.len() < 3);
         let face_region = match last {
-            Some((known, region)) if known == id => region,
-            _ => {
-                let name = names.iter().find(|(named, _)| *named == id).map_or("", |(_, name)| name);
-                raw.regions.numbered(id, name)
-            }
+            Some((before, region)) if before == id => region,
+            _ => *known.entry(id).or_insert_with(|| raw.regions.numbered(id, "")),
         };
         last = Some((id, face_region));
         raw.push_polygon(&corners, face_region)?;

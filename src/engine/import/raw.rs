@@ -52,12 +52,16 @@ impl RawSurface {
         Ok(())
     }
 
-    /// Appends a vertex and gives its index.
+    /// Appends a vertex and gives its index. At most three per accepted face, since instances can multiply them.
     #[inline]
     pub(crate) fn push_vertex(&mut self, position: Vec3) -> Result<u32> {
-        let index = u32::try_from(self.positions.len()).ok().filter(|&i| i < u32::MAX - 1);
+        let most = self.max_faces.saturating_mul(3).min(u64::from(u32::MAX) - 1);
+        if self.positions.len() as u64 >= most {
+            return Err(EngineError::new(Reason::LimitReached, format!("the file has more than {most} vertices"))
+                .with_hint("raise max_faces if the machine has the memory"));
+        }
         self.positions.push(position);
-        index.ok_or_else(|| EngineError::new(Reason::LimitReached, "the file has more than 4294967294 vertices"))
+        Ok(self.positions.len() as u32 - 1)
     }
 
     /// The mesh, with the unit of the file or else the assumed one.

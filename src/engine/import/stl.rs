@@ -87,11 +87,12 @@ struct Ascii {
     facet: Vec<u32>,
     polygons: u64,
     foreign: u64,
+    named: bool,
 }
 
 fn read_ascii(bytes: &[u8], raw: &mut RawSurface, work: &Work<'_>) -> Result<()> {
     raw.format = "STL ascii".to_owned();
-    let mut state = Ascii { solids: 0, region: None, facet: Vec::new(), polygons: 0, foreign: 0 };
+    let mut state = Ascii { solids: 0, region: None, facet: Vec::new(), polygons: 0, foreign: 0, named: false };
     let mut lines = Lines::new(bytes);
     let mut inside_facet = false;
     while let Some(line) = lines.next() {
@@ -127,6 +128,9 @@ fn read_ascii(bytes: &[u8], raw: &mut RawSurface, work: &Work<'_>) -> Result<()>
     if inside_facet {
         return Err(lines.ends_early("the rest of a facet"));
     }
+    if let ([only], false) = (raw.regions.list.as_mut_slice(), state.named) {
+        only.id = 0;
+    }
     if state.foreign > 0 {
         raw.warnings.push(format!("{} lines between or after the solids are not STL and were not read", state.foreign));
     }
@@ -140,6 +144,7 @@ fn read_ascii(bytes: &[u8], raw: &mut RawSurface, work: &Work<'_>) -> Result<()>
 fn begin_solid(state: &mut Ascii, raw: &mut RawSurface, name: &[u8]) {
     state.solids += 1;
     let name = name_of(name);
+    state.named |= !name.is_empty();
     state.region =
         Some(if name.is_empty() { raw.regions.numbered(i64::from(state.solids), "") } else { raw.regions.named(&name) });
 }

@@ -7,6 +7,7 @@ use crate::import::binary::ByteReader;
 use crate::import::raw::{RawSurface, checkpoint};
 use crate::import::text::{Lines, Words};
 use crate::work::Work;
+use std::collections::HashMap;
 
 pub(crate) fn read_nodes(lines: &mut Lines<'_>, state: &mut State, raw: &mut RawSurface, work: &Work<'_>) -> Result<()> {
     let count: u64 = one_number(lines, "the number of nodes")?;
@@ -71,17 +72,20 @@ pub(crate) fn read_elements(lines: &mut Lines<'_>, state: &mut State, raw: &mut 
     Ok(())
 }
 
-/// The region found last, since elements of one region stand together.
+/// The regions found so far, by physical and elementary tag; the last one at hand, since elements of a region stand together.
 #[derive(Default)]
-struct RegionCache(Option<([i64; 2], u32)>);
+struct RegionCache {
+    last: Option<([i64; 2], u32)>,
+    all: HashMap<[i64; 2], u32>,
+}
 
 impl RegionCache {
     fn get(&mut self, tags: [i64; 2], state: &State, raw: &mut RawSurface) -> u32 {
-        match self.0 {
+        match self.last {
             Some((known, region)) if known == tags => region,
             _ => {
-                let region = region_of(state, tags[0], tags[1], raw);
-                self.0 = Some((tags, region));
+                let region = *self.all.entry(tags).or_insert_with(|| region_of(state, tags[0], tags[1], raw));
+                self.last = Some((tags, region));
                 region
             }
         }

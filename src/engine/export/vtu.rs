@@ -1,0 +1,101 @@
+//! VTK XML unstructured grid, for ParaView: triangles with region, patch and kappa as cell data, region names as field data.
+
+use super::write::put;
+use super::{Exported, FaceData};
+use crate::import::base64;
+use crate::import::raw::stand_in_name;
+use crate::mesh::SurfaceMesh;
+use std::io::Write;
+
+/// How the arrays are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Style {
+    Ascii,
+    Base64,
+}
+
+/// VTK's number for a triangle.
+const TRIANGLE: u8 = 5;
+
+/// Numbers of a data array.
+trait Item: Copy {
+    const TYPE: &'static str;
+    fn append(self, bytes: &mut Vec<u8>);
+    fn print(self, text: &mut Vec<u8>);
+}
+
+macro_rules! item {
+    ($type:ty, $name:literal) => {
+        impl Item for $type {
+            const TYPE: &'static str = $name;
+            fn append(self, bytes: &mut Vec<u8>) {
+                bytes.extend_from_slice(&self.to_le_bytes());
+            }
+            fn print(self, text: &mut Vec<u8>) {
+                put!(text, "{self:?}");
+            }
+        }
+    };
+}
+
+item!(f64, "Float64");
+item!(i64, "Int64");
+item!(u8, "UInt8");
+
+fn put_array<T: Item>(name: &str, tuple: usize, values: &[T], style: Style, out: &mut Vec<u8>) {
+    let format = if style == Style::Ascii { "ascii" } else { "binary" };
+    put!(out, "<DataArray type=\"{}\" Name=\"{name}\" NumberOfComponents=\"{tuple}\" format=\"{format}\">\n", T::TYPE);
+    match style {
+        Style::Ascii => {
+            for (index, value) in values.iter().enumerate() {
+                value.print(out);
+                out.push(if (index + 1) % tuple.max(12 / tuple * tuple) == 0 { b'\n' } else { b' ' });
+            }
+        }
+        Style::Base64 => {
+            let mut bytes = Vec::with_capacity(values.len() * std::mem::size_of::<T>() + 8);
+            bytes.extend_from_slice(&((values.len() * std::mem::size_of::<T>()) as u64).to_le_bytes());
+            values.iter().for_each(|v| v.append(&mut bytes));
+            out.extend_from_slice(&base64::encode(&bytes));
+        }
+    }
+    out.extend_from_slice(b"\n</DataArray>\n");
+}
+
+pub(crate) fn write(mesh: &SurfaceMesh, data: FaceData<'_>, style: Style, out: &mut Exported) {
+    let bytes = &mut out.bytes;
+    let faces = mesh.triangles.len();
+    bytes.extend_from_slice(b"<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n<UnstructuredGrid>\n");
+    put_region_names(mesh, bytes);
+    put!(bytes, "<Piece NumberOfPoints=\"{}\" NumberOfCells=\"{faces}\">\n<Points>\n", mesh.positions.len());
+    put_array("Points", 3, mesh.positions.as_flattened(), style, bytes);
+    bytes.extend_from_slice(b"</Points>\n<Cells>\n");
+    let corners: Vec<i64> = mesh.triangles.as_flattened().iter().map(|&v| i64::from(v)).collect();
+    put_array("connectivity", 1, &corners, style, bytes);
+    put_array("offsets", 1, &(1..=faces as i64).map(|f| 3 * f).collect::<Vec<_>>(), style, bytes);
+    put_array("types", 1, &vec![TRIANGLE; faces], style, bytes);
+    bytes.extend_from_slice(b"</Cells>\n<CellData>\n");
+    let region: Vec<i64> = mesh.face_region.iter().map(|&r| mesh.regions[r as usize].id).collect();
+    put_array("region_id", 1, &region, style, bytes);
+    if let Some(patch) = data.patch {
+        put_array("patch_id", 1, &patch.iter().map(|&p| i64::from(p)).collect::<Vec<_>>(), style, bytes);
+    }
+    if let Some(kappa) = data.kappa {
+        put_array("kappa", 1, kappa, style, bytes);
+    }
+    bytes.extend_from_slice(b"</CellData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n");
+}
+
+/// Names as VTK writes strings in ascii: the codes of their bytes, each string ended by 0; in the order of `region_ids` beside them.
+fn put_region_names(mesh: &SurfaceMesh, bytes: &mut Vec<u8>) {
+    bytes.extend_from_slice(b"<FieldData>\n");
+    let count = mesh.regions.len();
+    put!(bytes, "<DataArray type=\"Int64\" Name=\"region_ids\" NumberOfTuples=\"{count}\" format=\"ascii\">\n");
+    mesh.regions.iter().for_each(|r| put!(bytes, "{} ", r.id));
+    put!(bytes, "\n</DataArray>\n<DataArray type=\"String\" Name=\"region_names\" NumberOfTuples=\"{count}\" format=\"ascii\">\n");
+    for region in &mesh.regions {
+        stand_in_name(region).bytes().for_each(|b| put!(bytes, "{b} "));
+        bytes.extend_from_slice(b"0 ");
+    }
+    bytes.extend_from_slice(b"\n</DataArray>\n</FieldData>\n");
+}
