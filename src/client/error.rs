@@ -123,8 +123,8 @@ impl fmt::Display for Place {
     }
 }
 
-/// A coordinate with six significant digits, enough to find the place.
-struct Short(f64);
+/// A number with six significant digits: enough to find a place, at any scale.
+pub(crate) struct Short(pub(crate) f64);
 
 impl fmt::Display for Short {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -8,6 +8,7 @@ use super::inspect::{imported_json, imported_text};
 use super::run::{exported_json, written};
 use super::ui::Report;
 use super::{json, specs, summary};
+use crate::error::Short;
 use crate::v1;
 use serde_json::json;
 
@@ -100,8 +101,14 @@ pub(crate) async fn partition(context: &Context, session: &str) -> Outcome<Repor
     let mut text = summary::line("patches", result.patches.len());
     text += "    patch      faces        area  loops   aspect\n";
     for p in &result.patches {
-        text +=
-            &format!("{:>9} {:>10} {:>11.5} {:>6} {:>8.2}\n", p.patch, summary::grouped(p.faces.into()), p.area, p.loops, p.aspect_ratio);
+        text += &format!(
+            "{:>9} {:>10} {:>11} {:>6} {:>8.2}\n",
+            p.patch,
+            summary::grouped(p.faces.into()),
+            Short(p.area).to_string(),
+            p.loops,
+            p.aspect_ratio
+        );
     }
     text += &result.summary.as_ref().map(summary::run).unwrap_or_default();
     let patches: Vec<_> = result.patches.iter().map(json::patch).collect();
