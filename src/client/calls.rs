@@ -89,11 +89,8 @@ impl Client {
     /// # Errors
     /// `STALE_REVISION` if somebody changed the session first, `BAD_PARAMETER` with the field.
     pub async fn apply(&self, session: &str, change: v1::change::Change, base: Option<u64>) -> Result<u64> {
-        let request = v1::ApplyChangeRequest {
-            session: session.to_owned(),
-            base_revision: base,
-            change: Some(v1::Change { change: Some(change) }),
-        };
+        let request =
+            v1::ApplyChangeRequest { session: session.to_owned(), base_revision: base, change: Some(v1::Change { change: Some(change) }) };
         Ok(self.sessions().apply_change(request).await?.into_inner().revision)
     }
 
@@ -133,8 +130,7 @@ impl Client {
         patches: &[u32],
         mut on_progress: impl FnMut(&v1::Progress),
     ) -> Result<v1::ParametrizeResult> {
-        let request =
-            v1::ParametrizePatchesRequest { session: session.to_owned(), expected_revision: None, patches: patches.to_vec() };
+        let request = v1::ParametrizePatchesRequest { session: session.to_owned(), expected_revision: None, patches: patches.to_vec() };
         drive!(self.charts().parametrize_patches(request).await?, parametrize_patches_response, on_progress)
     }
 
@@ -142,12 +138,7 @@ impl Client {
     ///
     /// # Errors
     /// Those of [`Client::parametrize`]; FAILED_PRECONDITION if no size is set.
-    pub async fn remesh(
-        &self,
-        session: &str,
-        patches: &[u32],
-        mut on_progress: impl FnMut(&v1::Progress),
-    ) -> Result<v1::RemeshResult> {
+    pub async fn remesh(&self, session: &str, patches: &[u32], mut on_progress: impl FnMut(&v1::Progress)) -> Result<v1::RemeshResult> {
         let request = v1::RemeshSurfaceRequest { session: session.to_owned(), expected_revision: None, patches: patches.to_vec() };
         drive!(self.remeshing().remesh_surface(request).await?, remesh_surface_response, on_progress)
     }

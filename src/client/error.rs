@@ -123,8 +123,8 @@ impl fmt::Display for Place {
     }
 }
 
-/// A coordinate with six significant digits, enough to find the place.
-struct Short(f64);
+/// A number with six significant digits: enough to find a place, at any scale.
+pub(crate) struct Short(pub(crate) f64);
 
 impl fmt::Display for Short {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -298,7 +298,11 @@ mod tests {
             info("NON_MANIFOLD_EDGE", &[("hint", "Split the edge or delete a face."), ("count", "250")]),
             any(GEOMETRY_LOCATIONS_TYPE_URL, locations.encode_to_vec()),
         ];
-        let error = ClientError::from(with_details(Code::FailedPrecondition, "250 edges have more than two faces (first of 250: Edge [0, 9] at 12.345678, -0.5, 1e-7)", details));
+        let error = ClientError::from(with_details(
+            Code::FailedPrecondition,
+            "250 edges have more than two faces (first of 250: Edge [0, 9] at 12.345678, -0.5, 1e-7)",
+            details,
+        ));
         assert_eq!(error.reason(), Some("NON_MANIFOLD_EDGE"));
         let call = error.call().expect("an error of a call");
         assert_eq!((call.places.len(), call.place_total), (7, 250));

@@ -44,4 +44,5 @@ pub use arrays::{ChartData, MeshColumns, MeshData};
 pub use connection::{Client, MAX_MESSAGE_BYTES};
 pub use error::{CallError, ClientError, FieldError, Place, PlaceElement, Result};
 pub use remesh_proto::v1;
+pub use tonic::transport::Channel;
 pub use transfer::{CHUNK_BYTES, Exported, Source};

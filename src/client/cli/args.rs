@@ -110,7 +110,7 @@ pub(crate) struct RunArgs {
 #[command(next_help_heading = "Size (one of --size, --triangles, --sizes, or --min-size with --max-size and --growth-rate)")]
 pub(crate) struct SizeArgs {
     /// Edge length everywhere
-    #[arg(long, value_name = "LENGTH", value_parser = positive)]
+    #[arg(long, value_name = "LENGTH", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) size: Option<f64>,
     /// About this many triangles, of equal size
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
@@ -119,13 +119,13 @@ pub(crate) struct SizeArgs {
     #[arg(long, value_name = "FILE")]
     pub(crate) sizes: Option<PathBuf>,
     /// Length at features and boundary; with --sizes a lower bound
-    #[arg(long, value_name = "LENGTH", value_parser = positive)]
+    #[arg(long, value_name = "LENGTH", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) min_size: Option<f64>,
     /// Largest length
-    #[arg(long, value_name = "LENGTH", value_parser = positive)]
+    #[arg(long, value_name = "LENGTH", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) max_size: Option<f64>,
     /// Largest ratio of the lengths of neighbouring elements, as in 1.2
-    #[arg(long, value_name = "RATIO", value_parser = positive)]
+    #[arg(long, value_name = "RATIO", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) growth_rate: Option<f64>,
 }
 
@@ -143,7 +143,7 @@ pub(crate) struct ImportArgs {
     #[arg(long, value_name = "UNIT")]
     pub(crate) unit: Option<Unit>,
     /// Join vertices closer than this share of the bounding box diagonal; default 0: only equal ones
-    #[arg(long, value_name = "SHARE", value_parser = not_negative)]
+    #[arg(long, value_name = "SHARE", value_parser = not_negative, allow_negative_numbers = true)]
     pub(crate) weld_tolerance: Option<f64>,
     /// What of an OBJ file becomes the regions
     #[arg(long, value_name = "WHAT")]
@@ -155,10 +155,10 @@ pub(crate) struct ImportArgs {
 #[command(next_help_heading = "Method")]
 pub(crate) struct InputArgs {
     /// Edges whose faces' normals differ by at least this many degrees are kept; `none` finds no edges by angle [default: 40]
-    #[arg(long, value_name = "DEGREES|none", value_parser = feature_angle)]
+    #[arg(long, value_name = "DEGREES|none", value_parser = feature_angle, allow_negative_numbers = true)]
     pub(crate) feature_angle: Option<FeatureAngle>,
     /// Drop chains of sharp edges shorter than this share of the bounding box diagonal [default: 0.02]
-    #[arg(long, value_name = "SHARE", value_parser = not_negative)]
+    #[arg(long, value_name = "SHARE", value_parser = not_negative, allow_negative_numbers = true)]
     pub(crate) min_chain: Option<f64>,
     /// Let borders between regions move by about half an element
     #[arg(long, conflicts_with = "keep_region_borders")]
@@ -176,7 +176,7 @@ pub(crate) struct InputArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) max_patch_faces: Option<u32>,
     /// Bound on pi A / L^2 of a patch (A its area, L its longest border) [default: 4]
-    #[arg(long, value_name = "RATIO", value_parser = positive)]
+    #[arg(long, value_name = "RATIO", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) max_aspect_ratio: Option<f64>,
     /// Map of the patches to the plane [default: auto, the first of the others that is bijective]
     #[arg(long, value_name = "METHOD")]
@@ -185,7 +185,7 @@ pub(crate) struct InputArgs {
     #[arg(long, value_name = "N")]
     pub(crate) rounds: Option<u32>,
     /// Chase triangles of lower kappa one by one afterwards [default: 0.5]
-    #[arg(long, value_name = "KAPPA", value_parser = not_negative)]
+    #[arg(long, value_name = "KAPPA", value_parser = not_negative, allow_negative_numbers = true)]
     pub(crate) min_kappa: Option<f64>,
 }
 
@@ -201,7 +201,7 @@ pub(crate) struct QualityArgs {
     #[arg(long, value_parser = session_name, conflicts_with_all = ["input", "output", "size", "ImportArgs"])]
     pub(crate) session: Option<String>,
     /// Wanted edge length, for tau
-    #[arg(long, value_name = "LENGTH", value_parser = positive)]
+    #[arg(long, value_name = "LENGTH", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) size: Option<f64>,
     /// Only elements and topology: no distances, no self-intersections
     #[arg(long)]
@@ -256,7 +256,7 @@ pub(crate) struct SampleSpecArgs {
     #[arg(long, value_name = "N")]
     pub(crate) outlets: Option<u32>,
     /// Height over diameter of the tube
-    #[arg(long, value_name = "RATIO", value_parser = positive)]
+    #[arg(long, value_name = "RATIO", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) aspect_ratio: Option<f64>,
 }
 

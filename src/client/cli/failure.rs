@@ -19,15 +19,8 @@ pub(crate) mod exit {
 }
 
 /// Reasons of errors that refuse the surface itself, whatever the options.
-const REFUSALS: [&str; 7] = [
-    "NON_MANIFOLD_EDGE",
-    "NON_MANIFOLD_VERTEX",
-    "NOT_ORIENTABLE",
-    "SELF_INTERSECTION",
-    "NON_FINITE",
-    "INDEX_OUT_OF_RANGE",
-    "EMPTY_MESH",
-];
+const REFUSALS: [&str; 7] =
+    ["NON_MANIFOLD_EDGE", "NON_MANIFOLD_VERTEX", "NOT_ORIENTABLE", "SELF_INTERSECTION", "NON_FINITE", "INDEX_OUT_OF_RANGE", "EMPTY_MESH"];
 
 /// Why a command did not succeed.
 #[derive(Debug)]
@@ -132,12 +125,8 @@ mod tests {
     fn a_refusal_says_what_and_where() {
         let location =
             v1::Location { element: v1::ElementKind::Edge.into(), ids: vec![3, 8], position: Some(v1::Point { x: 1.5, y: 0.0, z: 2.0 }) };
-        let finding = v1::Finding {
-            defect: v1::Defect::NonManifoldEdge.into(),
-            count: 12,
-            locations: vec![location],
-            prevents_remeshing: true,
-        };
+        let finding =
+            v1::Finding { defect: v1::Defect::NonManifoldEdge.into(), count: 12, locations: vec![location], prevents_remeshing: true };
         let harmless = v1::Finding { defect: v1::Defect::Hole.into(), count: 2, ..Default::default() };
         let diagnosis = v1::Diagnosis { findings: vec![finding, harmless], ..Default::default() };
         let text = Failure::Refused { what: "a.stl".into(), diagnosis: Box::new(diagnosis) }.to_string();

@@ -123,7 +123,8 @@ pub(crate) fn read_numbers(path: &Path) -> Outcome<Vec<f64>> {
 /// Pairs of vertex numbers.
 pub(crate) fn read_edges(path: &Path) -> Outcome<Vec<[u32; 2]>> {
     let text = read_text(path)?;
-    let index = |(line, word): (usize, &str)| word.parse::<u32>().map_err(|_| malformed(path, line, &format!("'{word}' is not a vertex number")));
+    let index =
+        |(line, word): (usize, &str)| word.parse::<u32>().map_err(|_| malformed(path, line, &format!("'{word}' is not a vertex number")));
     let flat: Vec<u32> = words(&text).map(index).collect::<Outcome<_>>()?;
     if flat.len() % 2 != 0 {
         return Err(malformed(path, text.lines().count(), "an edge with one vertex"));

@@ -15,7 +15,8 @@ use std::path::Path;
 pub(crate) async fn diagnose(context: &Context, args: &DiagnoseArgs) -> Outcome<(Report, bool)> {
     if let Some(session) = &args.session {
         let diagnosis = context.client.diagnose(session).await?.diagnosis.unwrap_or_default();
-        let report = Report { text: summary::diagnosis(&diagnosis, args.places), json: json!({ "diagnosis": json::diagnosis(&diagnosis) }) };
+        let report =
+            Report { text: summary::diagnosis(&diagnosis, args.places), json: json!({ "diagnosis": json::diagnosis(&diagnosis) }) };
         return Ok((report, diagnosis.remeshable));
     }
     let Some(file) = &args.file else { return Err(Failure::Usage("which file?".into())) };
@@ -70,7 +71,8 @@ pub(crate) async fn quality(context: &Context, args: &QualityArgs) -> Outcome<Re
     };
     let report = report.unwrap_or_default();
     let shape = report.shape.clone().unwrap_or_default();
-    let elements = format!("{}, {}", summary::count(shape.vertices, "vertex", "vertices"), summary::count(shape.triangles, "triangle", "triangles"));
+    let elements =
+        format!("{}, {}", summary::count(shape.vertices, "vertex", "vertices"), summary::count(shape.triangles, "triangle", "triangles"));
     let text = summary::line("mesh", elements) + &summary::shape(&shape) + &summary::quality(&report);
     Ok(Report { text, json: json!({ "quality": json::quality(&report), "work": json::run(&run) }) })
 }
@@ -104,7 +106,8 @@ pub(crate) async fn sample(context: &Context, args: &SampleArgs) -> Outcome<Repo
         text += &summary::line("surface", summary::topology(topology));
     }
     text += &summary::line("wrote", written(target.path(), &exported));
-    let json = json!({ "mesh": json::mesh(&mesh), "output": exported_json(target.path(), &exported), "work": json::run(&imported.summary) });
+    let json =
+        json!({ "mesh": json::mesh(&mesh), "output": exported_json(target.path(), &exported), "work": json::run(&imported.summary) });
     Ok(Report { text, json })
 }
 
@@ -131,10 +134,18 @@ pub(crate) async fn status(context: &Context) -> Outcome<Report> {
                 summary::grouped(cache.evictions)
             ),
         ),
-        summary::line("files", format!("{} uploaded, {} of {}", cache.blobs, summary::size(cache.blob_bytes), summary::size(limits.max_blob_store_bytes))),
+        summary::line(
+            "files",
+            format!("{} uploaded, {} of {}", cache.blobs, summary::size(cache.blob_bytes), summary::size(limits.max_blob_store_bytes)),
+        ),
         summary::line(
             "limits",
-            format!("files of {}, {} faces, sessions unused for {} s", summary::size(limits.max_blob_bytes), summary::grouped(limits.max_faces), seconds(&limits.max_ttl)),
+            format!(
+                "files of {}, {} faces, sessions unused for {} s",
+                summary::size(limits.max_blob_bytes),
+                summary::grouped(limits.max_faces),
+                seconds(&limits.max_ttl)
+            ),
         ),
     ]
     .concat();

@@ -113,8 +113,7 @@ async fn draw_surface(context: &Context, args: &RenderArgs, session: &str, name:
         Up::Y => UpAxis::Y,
         Up::Z => UpAxis::Z,
     };
-    let view =
-        View { width: args.width, height: args.height, azimuth: args.azimuth, elevation: args.elevation, up, ..Default::default() };
+    let view = View { width: args.width, height: args.height, azimuth: args.azimuth, elevation: args.elevation, up, ..Default::default() };
     Ok((render_surface(&scene, &view)?, title))
 }
 
@@ -187,8 +186,7 @@ pub(crate) async fn histogram_png(context: &Context, session: &str, size: Option
     let kappa = columns(ColourBy::Kappa);
     let before = context.client.read_mesh(session, v1::MeshSource::Input, kappa).await?.kappa;
     let after = context.client.read_mesh(session, v1::MeshSource::Result, kappa).await?.kappa;
-    let series =
-        [Series { label: "before", values: &before, colour: BEFORE }, Series { label: "after", values: &after, colour: AFTER }];
+    let series = [Series { label: "before", values: &before, colour: BEFORE }, Series { label: "after", values: &after, colour: AFTER }];
     let mut histogram = Histogram::of_quality("Quality of the triangles before and after remeshing", &series);
     histogram.size = size.unwrap_or(histogram.size);
     Ok(encode_png(&render_histogram(&histogram)?)?)

@@ -46,8 +46,7 @@ pub(crate) async fn run(context: &Context, args: &RunArgs) -> Outcome<Report> {
         picture.write(&histogram_png(context, &session, None).await?)?;
     }
     let bar = context.ui.bar("download");
-    let request =
-        v1::ExportMeshRequest { session, format: format.into(), encoding: encoding.into(), ..Default::default() };
+    let request = v1::ExportMeshRequest { session, format: format.into(), encoding: encoding.into(), ..Default::default() };
     let exported = client.export(request, |received, total| bar.transfer(received, total)).await?;
     drop(bar);
 

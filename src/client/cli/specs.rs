@@ -1,6 +1,8 @@
 //! From options of the command line to the specs of the protocol.
 
-use super::args::{ChartMethod, Encoding, FeatureAngle, ImportArgs, InputArgs, ObjRegions, ReadFormat, SampleName, SampleSpecArgs, SizeArgs, Unit};
+use super::args::{
+    ChartMethod, Encoding, FeatureAngle, ImportArgs, InputArgs, ObjRegions, ReadFormat, SampleName, SampleSpecArgs, SizeArgs, Unit,
+};
 use super::failure::{Failure, Outcome};
 use super::files;
 use crate::arrays::{pack_f64, pack_u32};

@@ -8,6 +8,7 @@ use super::inspect::{imported_json, imported_text};
 use super::run::{exported_json, written};
 use super::ui::Report;
 use super::{json, specs, summary};
+use crate::error::Short;
 use crate::v1;
 use serde_json::json;
 
@@ -100,7 +101,14 @@ pub(crate) async fn partition(context: &Context, session: &str) -> Outcome<Repor
     let mut text = summary::line("patches", result.patches.len());
     text += "    patch      faces        area  loops   aspect\n";
     for p in &result.patches {
-        text += &format!("{:>9} {:>10} {:>11.5} {:>6} {:>8.2}\n", p.patch, summary::grouped(p.faces.into()), p.area, p.loops, p.aspect_ratio);
+        text += &format!(
+            "{:>9} {:>10} {:>11} {:>6} {:>8.2}\n",
+            p.patch,
+            summary::grouped(p.faces.into()),
+            Short(p.area).to_string(),
+            p.loops,
+            p.aspect_ratio
+        );
     }
     text += &result.summary.as_ref().map(summary::run).unwrap_or_default();
     let patches: Vec<_> = result.patches.iter().map(json::patch).collect();
@@ -120,7 +128,12 @@ pub(crate) async fn chart(context: &Context, args: &PatchesArgs) -> Outcome<Repo
         let method = summary::chart_method_name(c.method());
         text += &format!(
             "{:>9} {:>10} {method:>11} {:>11.3} {:>8.3} {:>10.3} {:>8.3}\n",
-            c.patch, summary::grouped(c.faces), d.angle_mean, d.angle_max, d.area_min, d.area_max
+            c.patch,
+            summary::grouped(c.faces),
+            d.angle_mean,
+            d.angle_max,
+            d.area_min,
+            d.area_max
         );
         for attempt in c.attempts.iter().filter(|attempt| !attempt.rejected.is_empty()) {
             text += &format!("{:>21} {} was tried: {}\n", "", summary::chart_method_name(attempt.method()), attempt.rejected);

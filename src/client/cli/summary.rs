@@ -1,7 +1,7 @@
 //! Summaries for people. Pure functions from messages to text, so that they can be tested.
 
 use super::stages::{self, Group};
-use crate::error::Place;
+use crate::error::{Place, Short};
 use crate::v1;
 use std::fmt::Write;
 
@@ -127,7 +127,7 @@ pub(crate) fn quality(report: &v1::QualityReport) -> String {
     if let Some(fidelity) = &report.fidelity {
         let percent = |value: f64| format!("{:.4} %", 100.0 * value);
         let (max, rms) = (percent(fidelity.hausdorff_max_rel), percent(fidelity.hausdorff_rms_rel));
-        text += &line("distance", format!("max {max}, rms {rms} of the diagonal {:.6}", fidelity.diagonal));
+        text += &line("distance", format!("max {max}, rms {rms} of the diagonal {}", Short(fidelity.diagonal)));
         if let Some(boundary) = fidelity.boundary_deviation_rel {
             text += &line("boundary", format!("moved by at most {} of the diagonal", percent(boundary)));
         }
@@ -166,7 +166,8 @@ pub(crate) fn defect_name(defect: v1::Defect) -> (&'static str, &'static str) {
 /// One kind of defect with its first places.
 pub(crate) fn finding(finding: &v1::Finding, places: usize) -> String {
     let (one, many) = defect_name(finding.defect());
-    let mut text = format!("  {}{}", count(finding.count, one, many), if finding.prevents_remeshing { "  <- prevents remeshing" } else { "" });
+    let mut text =
+        format!("  {}{}", count(finding.count, one, many), if finding.prevents_remeshing { "  <- prevents remeshing" } else { "" });
     for location in finding.locations.iter().take(places) {
         let _ = write!(text, "\n    {}", Place::from(location));
     }
@@ -181,11 +182,11 @@ pub(crate) fn finding(finding: &v1::Finding, places: usize) -> String {
 pub(crate) fn diagnosis(diagnosis: &v1::Diagnosis, places: usize) -> String {
     let mut text = String::new();
     if let Some(numbers) = &diagnosis.topology {
-        text += &line("surface", format!("{}, area {:.6}", topology(numbers), diagnosis.area));
+        text += &line("surface", format!("{}, area {}", topology(numbers), Short(diagnosis.area)));
     }
     if let (Some(low), Some(high)) = (&diagnosis.low, &diagnosis.high) {
-        let box_text = format!("({}, {}, {}) to ({}, {}, {})", low.x, low.y, low.z, high.x, high.y, high.z);
-        text += &line("box", box_text);
+        let corner = |p: &v1::Point| format!("({}, {}, {})", Short(p.x), Short(p.y), Short(p.z));
+        text += &line("box", format!("{} to {}", corner(low), corner(high)));
     }
     if diagnosis.findings.is_empty() {
         text += &line("found", "nothing wrong");
@@ -198,11 +199,11 @@ pub(crate) fn diagnosis(diagnosis: &v1::Diagnosis, places: usize) -> String {
 
 /// Time by group of stages, and what the cache spared.
 pub(crate) fn work(milliseconds: f64, groups: &[Group]) -> String {
-    let spent: Vec<String> =
-        groups.iter().filter(|g| g.runs > 0).map(|g| format!("{} {}", g.name, seconds(g.milliseconds))).collect();
+    let spent: Vec<String> = groups.iter().filter(|g| g.runs > 0).map(|g| format!("{} {}", g.name, seconds(g.milliseconds))).collect();
     let detail = if spent.is_empty() { String::new() } else { format!(" ({})", spent.join(", ")) };
     let (hits, runs) = (groups.iter().map(|g| g.hits).sum::<u64>(), groups.iter().map(|g| g.runs).sum::<u64>());
-    let cached: Vec<String> = groups.iter().filter(|g| g.hits > 0).map(|g| format!("{} {} of {}", g.name, g.hits, g.hits + g.runs)).collect();
+    let cached: Vec<String> =
+        groups.iter().filter(|g| g.hits > 0).map(|g| format!("{} {} of {}", g.name, g.hits, g.hits + g.runs)).collect();
     let cache = match hits {
         0 => "nothing was cached".to_owned(),
         _ => format!("{hits} of {} steps were cached ({})", hits + runs, cached.join(", ")),
