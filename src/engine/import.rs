@@ -174,7 +174,8 @@ pub fn import_mesh(bytes: &[u8], options: &ImportOptions, work: &Work<'_>) -> Re
             return Err(EngineError::new(Reason::FormatUnsupported, "VTU is written, but not read").with_hint("convert it to PLY or MSH"));
         }
     }
-    let report = ImportReport { format: std::mem::take(&mut raw.format), warnings: std::mem::take(&mut raw.warnings), ..Default::default() };
+    let report =
+        ImportReport { format: std::mem::take(&mut raw.format), warnings: std::mem::take(&mut raw.warnings), ..Default::default() };
     finish(raw.into_mesh(options.assume_unit), report, options, work)
 }
 

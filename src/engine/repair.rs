@@ -1,5 +1,6 @@
 //! Repairs that change no geometry: welding, dropping duplicate and zero-area faces, orienting, splitting bow-tie vertices.
 
+mod caps;
 pub(crate) mod faces;
 pub(crate) mod orient;
 #[cfg(test)]
@@ -9,7 +10,7 @@ mod tests;
 pub mod weld;
 
 use crate::diagnose::edges::EdgeTable;
-use crate::error::{EngineError, Element, Location, Reason, Result};
+use crate::error::{Element, EngineError, Location, Reason, Result};
 use crate::import::ImportReport;
 use crate::mesh::SurfaceMesh;
 use crate::vector::bounding_diagonal;
@@ -20,7 +21,8 @@ const LARGEST: f64 = 1e60;
 
 /// Repairs arrays as a file gives them (repeated indices, unused vertices, any orientation), in this order:
 /// 1. weld vertices ([`weld::weld`]);
-/// 2. drop faces that repeat a vertex or have zero area, then exact duplicates (same three vertices in any direction; the first stays);
+/// 2. swap the long edges of zero-area faces with a corner on an edge, which keeps the surface closed there; drop the faces that
+///    repeat a vertex or still have zero area, then exact duplicates (same three vertices in any direction; the first stays);
 /// 3. orient each part (faces joined across edges with two faces) by the majority of its faces. Closed parts that point inwards
 ///    stay so - they may be cavities - and are told in a warning; parts that have no orientation stay as they are;
 /// 4. split bow-tie vertices: a vertex whose faces form several fans, none of them at an edge with more than two faces, becomes one
@@ -84,8 +86,7 @@ fn check_arrays(mesh: &SurfaceMesh) -> Result<()> {
     let is_bad = |p: &[f64; 3]| p.iter().any(|x| !x.is_finite());
     let bad: Vec<usize> = (0..mesh.positions.len()).filter(|&v| is_bad(&mesh.positions[v])).collect();
     if let Some(first) = bad.first() {
-        let locations =
-            bad.iter().map(|&v| Location { element: Element::Vertex, ids: vec![v as u32], position: mesh.positions[v] });
+        let locations = bad.iter().map(|&v| Location { element: Element::Vertex, ids: vec![v as u32], position: mesh.positions[v] });
         let message = format!("{} vertices have a coordinate that is NaN or infinite, the first is vertex {first}", bad.len());
         return Err(EngineError::new(Reason::NonFinite, message)
             .with_locations(locations)
@@ -99,7 +100,8 @@ fn check_arrays(mesh: &SurfaceMesh) -> Result<()> {
     let diagonal = bounding_diagonal(&mesh.positions);
     let largest = mesh.positions.as_flattened().iter().fold(0.0f64, |m, x| m.max(x.abs()));
     if largest > LARGEST || (diagonal > 0.0 && diagonal < 1.0 / LARGEST) {
-        let message = format!("coordinates up to {largest:e} with a bounding box diagonal of {diagonal:e} are outside of the range computed with");
+        let message =
+            format!("coordinates up to {largest:e} with a bounding box diagonal of {diagonal:e} are outside of the range computed with");
         return Err(EngineError::new(Reason::BadParameter, message).with_hint("scale the surface to a size between 1e-60 and 1e60"));
     }
     Ok(())
@@ -107,14 +109,21 @@ fn check_arrays(mesh: &SurfaceMesh) -> Result<()> {
 
 fn drop_faces(mesh: &mut SurfaceMesh, report: &mut ImportReport) {
     let factor = faces::normalizer(bounding_diagonal(&mesh.positions));
-    let good: Vec<bool> =
-        mesh.triangles.iter().map(|t| !faces::repeats_a_vertex(t) && !faces::has_zero_area(mesh, t, factor)).collect();
+    let swaps = caps::swap_caps(mesh, factor);
+    if swaps > 0 {
+        report
+            .warnings
+            .push(format!("{swaps} zero-area faces with a corner on an edge were removed by swapping that edge, not by dropping"));
+    }
+    let good: Vec<bool> = mesh.triangles.iter().map(|t| !faces::repeats_a_vertex(t) && !faces::has_zero_area(mesh, t, factor)).collect();
     report.degenerate_faces_dropped = faces::retain(mesh, |f| good[f]);
     let first = faces::first_equal_face(&mesh.triangles, mesh.positions.len());
     let other_region = (0..first.len()).filter(|&f| mesh.face_region[f] != mesh.face_region[first[f] as usize]).count();
     report.duplicate_faces_dropped = faces::retain(mesh, |f| first[f] as usize == f);
     if other_region > 0 {
-        report.warnings.push(format!("{other_region} of the dropped duplicate faces belonged to another region than the face that was kept"));
+        report
+            .warnings
+            .push(format!("{other_region} of the dropped duplicate faces belonged to another region than the face that was kept"));
     }
 }
 

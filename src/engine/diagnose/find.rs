@@ -59,12 +59,8 @@ pub(crate) fn findings(mesh: &SurfaceMesh, edges: &EdgeTable, counted: &Counted,
     };
     all.retain(|p| p.count > 0);
     all.sort_by_key(|p| rank(p.defect));
-    let finish = |p: Places| Finding {
-        defect: p.defect,
-        count: p.count,
-        locations: p.locations,
-        prevents_remeshing: p.defect.prevents_remeshing(),
-    };
+    let finish =
+        |p: Places| Finding { defect: p.defect, count: p.count, locations: p.locations, prevents_remeshing: p.defect.prevents_remeshing() };
     Ok(all.into_iter().map(finish).collect())
 }
 

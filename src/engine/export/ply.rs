@@ -15,8 +15,8 @@ pub(crate) enum Style {
 
 pub(crate) fn write(mesh: &SurfaceMesh, data: FaceData<'_>, style: Style, out: &mut Exported) {
     // A file with patches but no regions would be read back with the patches as regions.
-    let numbers = (!has_only_default_region(mesh) || data.patch.is_some())
-        .then(|| region_numbers(mesh, i64::from(i32::MIN), &mut out.warnings));
+    let numbers =
+        (!has_only_default_region(mesh) || data.patch.is_some()).then(|| region_numbers(mesh, i64::from(i32::MIN), &mut out.warnings));
     write_header(mesh, data, style, numbers.as_deref(), &mut out.bytes);
     let bytes = &mut out.bytes;
     match style {

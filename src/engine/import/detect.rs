@@ -21,6 +21,9 @@ pub(crate) fn detect(bytes: &[u8]) -> Result<Format> {
         return Ok(Format::Stl);
     }
     let word = Words::new(&start[..start.len().min(64)]).next().unwrap_or_default();
+    if word.starts_with(b"#") && first_word_after_comments(start).is_some_and(off::is_keyword) {
+        return Ok(Format::Off);
+    }
     match word {
         b"ply" => return Ok(Format::Ply),
         _ if word.starts_with(b"$") => return Ok(Format::Msh),
@@ -44,6 +47,10 @@ pub(crate) fn detect(bytes: &[u8]) -> Result<Format> {
     }
     Err(EngineError::new(Reason::FormatUnsupported, "the content is none of STL, OBJ, PLY, OFF, MSH and glTF")
         .with_hint("say the format if it is one of these"))
+}
+
+fn first_word_after_comments(bytes: &[u8]) -> Option<&[u8]> {
+    Words::new(Lines::new(bytes).next_content(Some(b'#'))?).next()
 }
 
 fn looks_like_obj(bytes: &[u8]) -> bool {

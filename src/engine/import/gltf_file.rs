@@ -71,10 +71,12 @@ pub(crate) fn read(bytes: &[u8], raw: &mut RawSurface, work: &Work<'_>) -> Resul
     if binary && bytes.get(8..12).is_none_or(|l| l.first_chunk::<4>().is_none_or(|l| u32::from_le_bytes(*l) < 20)) {
         return Err(malformed("the GLB header is cut off"));
     }
-    let file = gltf::Gltf::from_slice(bytes).map_err(malformed)?;
+    let file = parse(bytes)?;
     let required: Vec<&str> = file.document.extensions_required().collect();
     if !required.is_empty() {
-        return Err(unsupported(format!("the file requires {}", required.join(", "))).with_hint("write it without compression or extensions"));
+        return Err(
+            unsupported(format!("the file requires {}", required.join(", "))).with_hint("write it without compression or extensions")
+        );
     }
     let mut blob = file.blob;
     let buffers = file.document.buffers().map(|b| buffer_data(&b, &mut blob)).collect::<Result<Vec<_>>>()?;
@@ -86,6 +88,18 @@ pub(crate) fn read(bytes: &[u8], raw: &mut RawSurface, work: &Work<'_>) -> Resul
         raw.warnings.push(format!("{count} primitives of points or lines were not read"));
     }
     Ok(())
+}
+
+/// Parses and validates. The validation of `gltf` 1.4 itself indexes the accessors by positions that it has not checked,
+/// so those are checked first.
+fn parse(bytes: &[u8]) -> Result<gltf::Gltf> {
+    let gltf::Gltf { document, blob } = gltf::Gltf::from_slice_without_validation(bytes).map_err(malformed)?;
+    let root = document.into_json();
+    let primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
+    if primitives.flat_map(|p| p.attributes.values()).any(|index| index.value() >= root.accessors.len()) {
+        return Err(malformed("an attribute names an accessor that is not there"));
+    }
+    Ok(gltf::Gltf { document: gltf::Document::from_json(root).map_err(malformed)?, blob })
 }
 
 fn buffer_data(buffer: &gltf::Buffer<'_>, blob: &mut Option<Vec<u8>>) -> Result<Vec<u8>> {
@@ -227,9 +241,9 @@ impl<'a> Reader<'a, '_> {
 
 fn triangles_of(mode: Mode, indices: &[u32]) -> Box<dyn Iterator<Item = [u32; 3]> + '_> {
     match mode {
-        Mode::TriangleStrip => Box::new(indices.windows(3).enumerate().map(|(k, w)| {
-            if k % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] }
-        })),
+        Mode::TriangleStrip => {
+            Box::new(indices.windows(3).enumerate().map(|(k, w)| if k % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] }))
+        }
         Mode::TriangleFan => Box::new((2..indices.len()).map(|k| [indices[0], indices[k - 1], indices[k]])),
         _ => Box::new(indices.chunks_exact(3).map(|c| [c[0], c[1], c[2]])),
     }

@@ -86,8 +86,11 @@ pub(crate) fn read(bytes: &[u8], raw: &mut RawSurface, work: &Work<'_>) -> Resul
         let name = name.trim_ascii();
         if raw.format.is_empty() && name != b"MeshFormat" && name != b"Comments" {
             let shown = name_of(name);
-            return Err(EngineError::new(Reason::FormatUnsupported, format!("the file begins with ${shown}, not with $MeshFormat (MSH 1?)"))
-                .with_hint("convert it with: gmsh -save -format msh41"));
+            return Err(EngineError::new(
+                Reason::FormatUnsupported,
+                format!("the file begins with ${shown}, not with $MeshFormat (MSH 1?)"),
+            )
+            .with_hint("convert it with: gmsh -save -format msh41"));
         }
         match name {
             b"MeshFormat" => read_format(&mut lines, &mut state, raw)?,

@@ -24,7 +24,9 @@ pub(crate) fn read(bytes: &[u8], raw: &mut RawSurface, work: &Work<'_>) -> Resul
             if std::mem::take(&mut first) && is_keyword(word) {
                 check_keyword(word)?;
             } else if word == b"BINARY" {
-                return Err(EngineError::new(Reason::FormatUnsupported, "binary OFF is not read").with_hint("convert it to ascii OFF or PLY"));
+                return Err(
+                    EngineError::new(Reason::FormatUnsupported, "binary OFF is not read").with_hint("convert it to ascii OFF or PLY")
+                );
             } else {
                 let number = std::str::from_utf8(word).ok().and_then(|w| w.parse::<u64>().ok());
                 counts.push(number.ok_or_else(|| lines.malformed("the counts of vertices and faces are not numbers"))?);

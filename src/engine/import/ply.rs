@@ -191,8 +191,7 @@ fn read_header(lines: &mut Lines<'_>) -> Result<Header> {
 
 fn read_property(words: &mut Words<'_>) -> Option<Property> {
     let first = words.next()?;
-    let (list, kind) =
-        if first == b"list" { (Some(Kind::of(words.next()?)?), Kind::of(words.next()?)?) } else { (None, Kind::of(first)?) };
+    let (list, kind) = if first == b"list" { (Some(Kind::of(words.next()?)?), Kind::of(words.next()?)?) } else { (None, Kind::of(first)?) };
     Some(Property { name: words.next()?.to_vec(), kind, list })
 }
 

@@ -4,7 +4,7 @@ use crate::error::{EngineError, Reason, Result};
 use crate::mesh::{LengthUnit, Region, SurfaceMesh};
 use crate::vector::{Vec3, distance};
 use crate::work::Work;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// A surface as a file states it: indices are not checked, nothing is welded.
 #[derive(Debug, Default)]
@@ -66,7 +66,7 @@ impl RawSurface {
 
     /// The mesh, with the unit of the file or else the assumed one.
     pub(crate) fn into_mesh(self, assume_unit: LengthUnit) -> SurfaceMesh {
-        let mut regions = self.regions.list;
+        let mut regions = self.regions.finish();
         if regions.is_empty() {
             regions.push(Region { id: 0, name: String::new() });
         }
@@ -84,6 +84,8 @@ impl RawSurface {
 #[derive(Debug, Default)]
 pub(crate) struct Regions {
     pub(crate) list: Vec<Region>,
+    /// Regions that have a name but no number yet.
+    unnumbered: Vec<u32>,
     by_key: HashMap<(i64, String), u32>,
     by_name: HashMap<String, u32>,
 }
@@ -100,7 +102,7 @@ impl Regions {
         index
     }
 
-    /// The index of the region with this name in a format that has names only. Ids are given in order, from 1.
+    /// The index of the region with this name in a format that has names only; numbers are given by [`Regions::finish`].
     /// A name `region_<n>` is how our writers spell region `n` without a name, and is read back as that.
     pub(crate) fn named(&mut self, name: &str) -> u32 {
         if let Some(&index) = self.by_name.get(name) {
@@ -108,10 +110,27 @@ impl Regions {
         }
         let index = match unnamed_id(name) {
             Some(id) => self.numbered(id, ""),
-            None => self.numbered(self.list.len() as i64 + 1, name),
+            None => {
+                let index = self.list.len() as u32;
+                self.list.push(Region { id: 0, name: name.to_owned() });
+                self.unnumbered.push(index);
+                index
+            }
         };
         self.by_name.insert(name.to_owned(), index);
         index
+    }
+
+    /// The regions; those without a number get their place in the list, from 1, or the next number that is free.
+    fn finish(mut self) -> Vec<Region> {
+        let taken: HashSet<i64> = self.by_key.keys().map(|(id, _)| *id).collect();
+        let mut next = 1;
+        for &index in &self.unnumbered {
+            let id = (next.max(i64::from(index) + 1)..).find(|id| !taken.contains(id)).unwrap_or_default();
+            next = id + 1;
+            self.list[index as usize].id = id;
+        }
+        self.list
     }
 }
 

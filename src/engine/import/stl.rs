@@ -145,8 +145,7 @@ fn begin_solid(state: &mut Ascii, raw: &mut RawSurface, name: &[u8]) {
     state.solids += 1;
     let name = name_of(name);
     state.named |= !name.is_empty();
-    state.region =
-        Some(if name.is_empty() { raw.regions.numbered(i64::from(state.solids), "") } else { raw.regions.named(&name) });
+    state.region = Some(if name.is_empty() { raw.regions.numbered(i64::from(state.solids), "") } else { raw.regions.named(&name) });
 }
 
 fn end_facet(state: &mut Ascii, raw: &mut RawSurface, lines: &Lines<'_>) -> Result<()> {

@@ -104,7 +104,9 @@ fn ply_strips_and_both_byte_orders() {
     let body = "0 0 0 0\n0 1 0 0\n0 0 1 0\n0 1 1 0\n0 0 2 0\n";
     let strips = format!("{head}element tristrips 1\nproperty list int int vertex_indices\nend_header\n{body}8 0 1 2 3 -1 2 3 4\n");
     assert_eq!(read(&strips).mesh.triangles, [[0, 1, 2], [2, 1, 3], [2, 3, 4]]);
-    let faces = format!("{head}element face 2\nproperty uchar region\nproperty list uchar int vertex_index\nend_header\n{body}5 3 0 1 2\n6 3 2 1 3\n");
+    let faces = format!(
+        "{head}element face 2\nproperty uchar region\nproperty list uchar int vertex_index\nend_header\n{body}5 3 0 1 2\n6 3 2 1 3\n"
+    );
     assert_eq!(names(&read(&faces)), [(5, "five"), (6, "")]);
     assert_eq!(reason(&faces.replace("3 0 1 2", "3 0 -1 2")), Reason::IndexOutOfRange);
     assert_eq!(reason(&faces.replace("face 2", "face 3")), Reason::FormatMalformed);

@@ -2,7 +2,7 @@
 
 use crate::diagnose::edges::{EdgeTable, ends, umbrellas};
 use crate::mesh::SurfaceMesh;
-use crate::vector::{add, dot, cross};
+use crate::vector::{add, cross, dot};
 
 /// For each face whether it has to be turned so that each part (faces joined across edges with two faces) is consistently
 /// oriented. The orientation that more faces of the part have wins; with a tie, that of its first face.

@@ -97,6 +97,18 @@ fn duplicates_and_degenerate_faces_are_counted() {
 }
 
 #[test]
+fn stitched_t_junctions_stay_closed() {
+    // A tetrahedron, one edge of which has two more vertices on the side of one face, stitched with caps.
+    let positions = vec![[0.0; 3], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0], [0.0, 0.0, 4.0], [2.0, 0.0, 0.0], [3.0, 0.0, 0.0]];
+    let triangles = vec![[0, 2, 4], [4, 2, 5], [5, 2, 1], [4, 5, 1], [0, 4, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
+    let imported = import(SurfaceMesh::from_parts(positions, triangles));
+    assert_eq!((imported.report.degenerate_faces_dropped, imported.mesh.triangles.len()), (0, 8));
+    assert!(imported.report.warnings[0].starts_with("2 zero-area faces"));
+    assert_eq!((imported.diagnosis.topology.euler, count(&imported, Defect::Hole)), (2, 0));
+    assert!((imported.diagnosis.area - 24.0 - 8.0 * 3f64.sqrt()).abs() < 1e-12);
+}
+
+#[test]
 fn bow_ties_are_split_unless_at_bad_edges() {
     let bow = vec![[0, 1, 2], [0, 3, 4]];
     let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [-1.0, -1.0, 0.0]];
@@ -108,6 +120,8 @@ fn bow_ties_are_split_unless_at_bad_edges() {
     assert!(imported.diagnosis.refusal().is_none());
 
     let fin = vec![[0, 1, 2], [1, 0, 3], [0, 1, 4]];
+    let mut positions = positions;
+    positions[3] = [0.5, 0.0, 1.0];
     let imported = import(SurfaceMesh::from_parts(positions, fin));
     assert_eq!((imported.report.vertices_split, imported.diagnosis.topology.non_manifold_edges), (0, 1));
     let error = imported.diagnosis.refusal().unwrap();
@@ -134,10 +148,13 @@ fn two_tori_that_share_a_vertex_come_apart() {
 fn counts_go_on_where_places_end() {
     // Many fins on one row of edges.
     let n = 150u32;
-    let positions: Vec<_> = (0..=n).map(|i| [f64::from(i), 0.0, 0.0]).chain((0..3 * n).map(|i| {
-        let angle = f64::from(i % 3) * 2.0;
-        [f64::from(i / 3) + 0.5, angle.cos(), angle.sin()]
-    })).collect();
+    let positions: Vec<_> = (0..=n)
+        .map(|i| [f64::from(i), 0.0, 0.0])
+        .chain((0..3 * n).map(|i| {
+            let angle = f64::from(i % 3) * 2.0;
+            [f64::from(i / 3) + 0.5, angle.cos(), angle.sin()]
+        }))
+        .collect();
     let triangles = (0..3 * n).map(|i| [i / 3, i / 3 + 1, n + 1 + i]).collect();
     let imported = import(SurfaceMesh::from_parts(positions, triangles));
     assert_eq!(count(&imported, Defect::NonManifoldEdge), 150);

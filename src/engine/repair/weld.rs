@@ -176,7 +176,8 @@ mod tests {
 
     #[test]
     fn near_vertices_agree_with_all_pairs() {
-        let points: Vec<Vec3> = noise(400, 1.0).iter().zip(noise(401, 1e-3).iter().skip(1)).map(|(a, b)| crate::vector::add(*a, *b)).collect();
+        let points: Vec<Vec3> =
+            noise(400, 1.0).iter().zip(noise(401, 1e-3).iter().skip(1)).map(|(a, b)| crate::vector::add(*a, *b)).collect();
         let diagonal = crate::vector::bounding_diagonal(&points);
         for tolerance in [1e-6, 3e-4, 1e-3] {
             let mut expected: Vec<u32> = Vec::new();
