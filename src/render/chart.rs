@@ -118,11 +118,8 @@ fn bounds(chart: &Chart<'_>) -> ([f64; 2], [f64; 2]) {
 
 /// Edges of one face only.
 fn boundary_edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
-    let mut edges: Vec<[u32; 2]> = triangles
-        .iter()
-        .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
-        .map(|[a, b]| [a.min(b), a.max(b)])
-        .collect();
+    let mut edges: Vec<[u32; 2]> =
+        triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).map(|[a, b]| [a.min(b), a.max(b)]).collect();
     edges.sort_unstable();
     edges.chunk_by(|a, b| a == b).filter(|run| run.len() == 1).map(|run| run[0]).collect()
 }

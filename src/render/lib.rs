@@ -28,3 +28,6 @@ pub use error::{RenderError, Result};
 pub use histogram::{Histogram, Series, render_histogram};
 pub use image::{Image, MAX_SIDE, encode_png};
 pub use surface::{FaceColours, Legend, LineStyle, Scene, UpAxis, View, render_surface};
+
+#[cfg(test)]
+mod tests;

@@ -256,7 +256,8 @@ fn shade(colour: Rgb, [a, b, c]: [[f64; 3]; 3]) -> Rgb {
 /// Ink for the edges, weaker where the triangles of the picture are only a few pixels large; `None` where nothing would show.
 fn edge_ink(style: LineStyle, seen: &[[f64; 3]], triangles: &[[u32; 3]], samples: f64) -> Option<EdgeInk> {
     let length = |a: [f64; 3], b: [f64; 3]| (a[0] - b[0]).hypot(a[1] - b[1]);
-    let total: f64 = triangles.iter().map(|t| t.map(|v| seen[v as usize])).map(|[a, b, c]| length(a, b) + length(b, c) + length(c, a)).sum();
+    let total: f64 =
+        triangles.iter().map(|t| t.map(|v| seen[v as usize])).map(|[a, b, c]| length(a, b) + length(b, c) + length(c, a)).sum();
     let pixels = total / (3.0 * triangles.len() as f64 * samples);
     let strength = ((pixels / style.width.max(0.5) - 1.5) / 8.0).clamp(0.0, 0.85);
     let ink = EdgeInk { half_width: 0.5 * style.width * samples, colour: style.colour, strength };

@@ -1,4 +1,4 @@
-//! Implicit bodies: a smooth union of vessels and plates, given by distances.
+//! Implicit bodies: a smooth union of vessels and sheets, given by distances.
 
 use crate::vector::{Vec3, add_scaled, dot, norm, sub};
 
@@ -7,8 +7,8 @@ use crate::vector::{Vec3, add_scaled, dot, norm, sub};
 pub(super) enum Primitive {
     /// A polyline with a radius at each point, linear between.
     Strand(Vec<(Vec3, f64)>),
-    /// A triangle thickened by a radius.
-    Plate([Vec3; 3], f64),
+    /// Triangles thickened by a radius.
+    Sheet(Vec<[Vec3; 3]>, f64),
 }
 
 /// A smooth union of primitives; negative inside.
@@ -26,10 +26,8 @@ impl Primitive {
     /// Signed distance-like value: exact for constant radii, slope at most [`SLOPE`].
     pub(super) fn distance(&self, p: Vec3) -> f64 {
         match self {
-            Primitive::Strand(points) => {
-                points.windows(2).map(|w| segment_distance(p, w[0], w[1])).fold(f64::INFINITY, f64::min)
-            }
-            Primitive::Plate(corners, radius) => triangle_distance(p, corners) - radius,
+            Primitive::Strand(points) => points.windows(2).map(|w| segment_distance(p, w[0], w[1])).fold(f64::INFINITY, f64::min),
+            Primitive::Sheet(triangles, radius) => triangles.iter().map(|t| triangle_distance(p, t)).fold(f64::INFINITY, f64::min) - radius,
         }
     }
 
@@ -37,7 +35,7 @@ impl Primitive {
     pub(super) fn balls(&self) -> Vec<(Vec3, f64)> {
         match self {
             Primitive::Strand(points) => points.clone(),
-            Primitive::Plate(corners, radius) => corners.iter().map(|&c| (c, *radius)).collect(),
+            Primitive::Sheet(triangles, radius) => triangles.iter().flatten().map(|&c| (c, *radius)).collect(),
         }
     }
 
@@ -47,15 +45,21 @@ impl Primitive {
             Primitive::Strand(points) => {
                 points.windows(2).map(|w| std::f64::consts::PI * (w[0].1 + w[1].1) * norm(sub(w[1].0, w[0].0))).sum()
             }
-            Primitive::Plate([a, b, c], radius) => {
-                let round = norm(sub(*b, *a)) + norm(sub(*c, *b)) + norm(sub(*a, *c));
-                2.0 * crate::vector::triangle_area(*a, *b, *c) + 3.0 * radius * round
-            }
+            Primitive::Sheet(triangles, _) => triangles.iter().map(|[a, b, c]| 2.5 * crate::vector::triangle_area(*a, *b, *c)).sum(),
         }
     }
 }
 
 impl Field {
+    /// The same body with no part thinner than a radius.
+    pub(super) fn thickened(&self, least: f64) -> Field {
+        let thick = |p: &Primitive| match p {
+            Primitive::Strand(points) => Primitive::Strand(points.iter().map(|&(c, r)| (c, r.max(least))).collect()),
+            Primitive::Sheet(triangles, r) => Primitive::Sheet(triangles.clone(), r.max(least)),
+        };
+        Field { primitives: self.primitives.iter().map(thick).collect(), blend: self.blend }
+    }
+
     /// Value from those primitives named in `among`. A primitive farther than the nearest by `blend` adds exactly nothing, so
     /// any list that holds all nearer ones gives the same bits.
     pub(super) fn value(&self, p: Vec3, among: &[u16], scratch: &mut Vec<f64>) -> f64 {

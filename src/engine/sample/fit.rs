@@ -14,11 +14,7 @@ const CALIBRATION: f64 = 12_000.0;
 ///
 /// # Errors
 /// Those of `make`; [`crate::error::Reason::Invariant`] if no spacing tried gave a surface.
-pub(super) fn fit(
-    target: u64,
-    first_spacing: f64,
-    mut make: impl FnMut(f64) -> Result<Option<SurfaceMesh>>,
-) -> Result<SurfaceMesh> {
+pub(super) fn fit(target: u64, first_spacing: f64, mut make: impl FnMut(f64) -> Result<Option<SurfaceMesh>>) -> Result<SurfaceMesh> {
     let target = target as f64;
     let mut goal = target.min(CALIBRATION);
     let mut spacing = first_spacing * (target / goal).sqrt();

@@ -28,12 +28,7 @@ pub(super) fn steps(length: f64, size: f64, least: usize) -> usize {
 }
 
 /// An annulus from radial and angular lines, `column(i, j)` for radial interval `i` and sector `j`; `turn(r)` turns it.
-pub(super) fn annulus(
-    radii: &[f64],
-    angles: &[f64],
-    column: impl Fn(usize, usize) -> u32,
-    turn: impl Fn(f64) -> f64,
-) -> Layout {
+pub(super) fn annulus(radii: &[f64], angles: &[f64], column: impl Fn(usize, usize) -> u32, turn: impl Fn(f64) -> f64) -> Layout {
     let around = angles.len();
     let mut layout = Layout::default();
     for &r in radii {

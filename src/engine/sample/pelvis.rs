@@ -7,14 +7,15 @@ use crate::vector::Vec3;
 /// A body of the given genus: without foramina below 3, with the pubic symphysis apart at 0, and with `genus - 3` holes in a
 /// ladder-like spine above 3.
 pub(super) fn body(genus: u32) -> Body {
-    let mut primitives = vec![Primitive::Plate([[-36.0, -52.0, 42.0], [36.0, -52.0, 42.0], [0.0, -74.0, -22.0]], 9.0)];
+    let mut primitives = vec![Primitive::Sheet(vec![[[-36.0, 52.0, 42.0], [36.0, 52.0, 42.0], [0.0, 74.0, -22.0]]], 9.0)];
     for side in [-1.0, 1.0] {
-        let at = |x: f64, y: f64, z: f64| -> Vec3 { [side * x, y, z] };
+        let at = |x: f64, y: f64, z: f64| -> Vec3 { [side * x, -y, z] };
         let symphysis = if genus == 0 { at(19.0, 47.0, -38.0) } else { at(0.0, 47.0, -38.0) };
         let below = if genus == 0 { at(20.0, 44.0, -46.0) } else { at(6.0, 44.0, -48.0) };
         // Wing of the ilium, from the sacrum to the acetabulum.
-        primitives.push(Primitive::Plate([at(40.0, -50.0, 34.0), at(64.0, -2.0, 4.0), at(92.0, -24.0, 78.0)], 6.0));
-        primitives.push(Primitive::Plate([at(64.0, -2.0, 4.0), at(92.0, -24.0, 78.0), at(93.0, 22.0, 50.0)], 6.0));
+        let (joint, socket, crest) = (at(40.0, -50.0, 34.0), at(64.0, -2.0, 4.0), at(96.0, -16.0, 76.0));
+        let (back, front) = (at(66.0, -58.0, 74.0), at(93.0, 24.0, 46.0));
+        primitives.push(Primitive::Sheet(vec![[joint, socket, crest], [joint, crest, back], [socket, front, crest]], 5.5));
         // Ring: from the sacrum to the acetabulum, then the superior ramus to the symphysis.
         primitives.push(Primitive::Strand(vec![
             (at(34.0, -52.0, 34.0), 9.0),
@@ -34,8 +35,16 @@ pub(super) fn body(genus: u32) -> Body {
             (at(63.0, -6.0, -4.0), 13.0),
         ]));
         if genus < 2 || genus == 2 && side > 0.0 {
-            primitives.push(Primitive::Plate([at(22.0, 42.0, -34.0), at(58.0, -4.0, -20.0), at(44.0, 0.0, -80.0)], 6.0));
-            primitives.push(Primitive::Plate([at(22.0, 42.0, -34.0), at(10.0, 42.0, -52.0), at(44.0, 0.0, -80.0)], 6.0));
+            let rim = [
+                at(26.0, 24.0, -72.0),
+                at(10.0, 42.0, -50.0),
+                at(24.0, 42.0, -32.0),
+                at(53.0, 19.0, -16.0),
+                at(62.0, -6.0, -8.0),
+                at(62.0, -14.0, -46.0),
+                at(49.0, -8.0, -82.0),
+            ];
+            primitives.push(Primitive::Sheet((1..6).map(|k| [rim[0], rim[k], rim[k + 1]]).collect(), 5.0));
         }
     }
     primitives.extend(spine(genus.saturating_sub(3)));
@@ -46,7 +55,7 @@ pub(super) fn body(genus: u32) -> Body {
 fn spine(holes: u32) -> Vec<Primitive> {
     let at = |side: f64, rung: f64| -> Vec3 {
         let bend = (0.35 * rung).sin();
-        [side * 13.0, -54.0 + 8.0 * bend, 53.0 + 17.0 * rung]
+        [side * 18.0, 54.0 - 8.0 * bend, 56.0 + 24.0 * rung]
     };
     let rungs = if holes == 0 { 0..0 } else { 0..holes + 1 };
     let mut parts: Vec<Primitive> =

@@ -12,6 +12,9 @@ use crate::work::Work;
 /// Triangles that cover an area of one squared spacing, about.
 const DENSITY: f64 = 9.0;
 
+/// Radius of the thinnest part a scan shows, in spacings: as with real scanners, thinner parts come out swollen.
+const THINNEST: f64 = 0.62;
+
 /// A body to scan and the topology its surface has.
 #[derive(Debug, Clone)]
 pub(super) struct Body {
@@ -36,9 +39,11 @@ pub(super) fn generate(body: &Body, target: u64, work: &Work<'_>) -> Result<Surf
 
 /// One scan; `None` if the lattice is too coarse to keep the topology of the body.
 fn scan(body: &Body, spacing: f64, work: &Work<'_>) -> Result<Option<SurfaceMesh>> {
-    let (mut positions, mut triangles) = level_set(&body.field, &Lattice::new(spacing), work)?;
+    let least = THINNEST * spacing;
+    let (mut positions, mut triangles) = level_set(&body.field.thickened(least), &Lattice::new(spacing), work)?;
     if !body.openings.is_empty() {
-        triangles = cut(&mut positions, &triangles, &body.openings, work)?;
+        let openings: Vec<Opening> = body.openings.iter().map(|o| Opening { reach: o.reach.max(2.0 * least), ..o.clone() }).collect();
+        triangles = cut(&mut positions, &triangles, &openings, spacing, work)?;
     }
     work.check()?;
     let Ok(topology) = Topology::build(&triangles, positions.len()) else { return Ok(None) };
