@@ -158,9 +158,9 @@ pub fn parametrize_patch(
     let (mut attempts, mut worst, mut crowded) = (Vec::new(), Vec::new(), None);
     for candidate in candidates(&maps.open, spec) {
         work.check()?;
-        // No map of a tube is even: if the spectral one is one-to-one and merely crowded, the others will not be better.
-        if crowded.is_some() && candidate.method() != ChartMethod::SpectralConformal {
-            break;
+        // No map of a tube is even: once one is one-to-one and merely crowded, only caps can better it.
+        if crowded.is_some() && !matches!(candidate, Candidate::Spectral(Filling::Caps) | Candidate::Pinned(Filling::Caps, ..)) {
+            continue;
         }
         let trial = match maps.compute(candidate, work) {
             Ok(uv) => examine(&maps.open, &shapes, candidate.method(), uv, work)?,

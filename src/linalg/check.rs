@@ -7,9 +7,7 @@ use sprs::CsMatI;
 use std::ops::{Add, Mul, Sub};
 
 /// The two number types of the crate.
-pub(crate) trait Scalar:
-    ComplexField + Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + 'static
-{
+pub(crate) trait Scalar: ComplexField + Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + 'static {
     fn real(x: f64) -> Self;
     fn conjugate(self) -> Self;
     fn magnitude(self) -> f64;

@@ -5,10 +5,10 @@ use crate::check::{Scalar, Stored, check_solve, view};
 use crate::{Complex, ComplexMatrix, RealMatrix, SolveError};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
+use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering, factorize_symbolic_cholesky,
 };
-use faer::sparse::linalg::SupernodalThreshold;
 use faer::{Conj, MatMut, Par, Side};
 use sprs::CsMatI;
 

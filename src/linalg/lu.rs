@@ -30,12 +30,10 @@ impl RealLu {
         let mut numeric = NumericLu::new();
         let mut buffer = MemBuffer::try_new(symbolic.factorize_numeric_lu_scratch::<f64>(Par::Seq, Default::default()))
             .map_err(|_| SolveError::Resources("work space".to_owned()))?;
-        symbolic.factorize_numeric_lu(&mut numeric, a, Par::Seq, MemStack::new(&mut buffer), Default::default()).map_err(
-            |e| match e {
-                LuError::SymbolicSingular { index } => SolveError::Singular { index },
-                LuError::Generic(e) => SolveError::Resources(e.to_string()),
-            },
-        )?;
+        symbolic.factorize_numeric_lu(&mut numeric, a, Par::Seq, MemStack::new(&mut buffer), Default::default()).map_err(|e| match e {
+            LuError::SymbolicSingular { index } => SolveError::Singular { index },
+            LuError::Generic(e) => SolveError::Resources(e.to_string()),
+        })?;
         let mut factor = RealLu { symbolic, numeric, error: 0.0 };
         factor.error = check_solve(a, Stored::Full, |x| factor.solve_in_place(x, 1))?;
         Ok(factor)

@@ -5,9 +5,12 @@
 //! the outside were triangulated, until the loop is nearly convex in its own surface.
 
 use super::domain::Domain;
-use crate::vector::{angle_between, sub};
+use crate::vector::{angle_between, distance, sub};
 use std::collections::BinaryHeap;
 use std::f64::consts::PI;
+
+/// Ears have an edge no longer than this part of the loop: they bridge notches; they must not close the end of a tube.
+const MAX_BRIDGE: f64 = 0.15;
 
 /// Corners with a larger angle inside the patch get an ear.
 const REFLEX: f64 = 1.1 * PI;
@@ -22,6 +25,7 @@ pub(super) fn clip(domain: &mut Domain<'_>) {
         gone: vec![false; count],
     };
     let mut left = count;
+    let bridge = MAX_BRIDGE * domain.outer_lengths().iter().sum::<f64>();
     // Angles are not negative, so their bits are ordered like them.
     let mut heap: BinaryHeap<(u64, usize)> = (0..count).map(|k| (ring.angle[k].to_bits(), k)).collect();
     while let Some((key, k)) = heap.pop() {
@@ -33,6 +37,9 @@ pub(super) fn clip(domain: &mut Domain<'_>) {
         }
         let (p, n) = (ring.prev[k], ring.next[k]);
         let [at, before, after] = [k, p, n].map(|k| domain.positions[domain.outer[k] as usize]);
+        if distance(before, after) > bridge {
+            continue;
+        }
         domain.virtual_triangles.push([k, p, n].map(|k| domain.outer[k]));
         ring.gone[k] = true;
         left -= 1;

@@ -1,0 +1,174 @@
+//! Known maps: flat and developable patches, energies by a second formula, promises over families of patches.
+
+use super::*;
+use crate::parametrize::conformal::{boundary_mass, conformal_matrix};
+
+#[test]
+fn a_flat_patch_maps_by_a_similarity_in_any_pose_and_size() {
+    for (seed, size) in [(1, 1.0), (2, 1e-8), (3, 1e3), (4, 1e-150)] {
+        let flat = grid(9, 6, false, 0.7, |u, v| pose(seed, size, [2.0 * u + 0.1 * v * v, v, 0.0]));
+        for method in [ChartMethod::SpectralConformal, ChartMethod::LeastSquaresConformal] {
+            let chart = chart(&flat, ChartSpec::Only(method));
+            assert!(length_error(&flat, &chart) < 1e-6, "{method:?} {size}: {}", length_error(&flat, &chart));
+            let d = chart.distortion;
+            assert!((d.angle_max - 1.0).abs() < 1e-6 && (d.area_min - 1.0).abs() < 1e-6 && (d.area_max - 1.0).abs() < 1e-6);
+        }
+    }
+}
+
+#[test]
+fn developable_patches_map_isometrically() {
+    // Vertices on the surface, faces flat: facets of a cylinder and of a cone without jitter are developable exactly.
+    let cylinder = grid(12, 5, false, 0.0, |u, v| [(2.0 * u).cos(), (2.0 * u).sin(), 1.5 * v]);
+    let cone = grid(10, 4, false, 0.0, |u, v| {
+        let r = 1.0 + v;
+        [r * (1.7 * u).cos(), r * (1.7 * u).sin(), 0.8 * r]
+    });
+    for patch in [cylinder, cone] {
+        for method in [ChartMethod::SpectralConformal, ChartMethod::LeastSquaresConformal] {
+            assert!(length_error(&patch, &chart(&patch, ChartSpec::Only(method))) < 1e-6);
+        }
+    }
+}
+
+#[test]
+fn one_to_three_faces_map_isometrically() {
+    let corners: Vec<Vec3> = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.1], [0.3, 0.8, 0.0], [1.2, 1.0, 0.7], [2.0, 0.2, 0.0]];
+    let faces = [[0, 1, 2], [1, 3, 2], [1, 4, 3]];
+    for count in 1..=3 {
+        let patch = patch(corners[..count + 2].to_vec(), faces[..count].to_vec());
+        for method in METHODS {
+            let chart = chart(&patch, ChartSpec::Only(method));
+            assert_promises(&patch, &chart);
+            if method != ChartMethod::MeanValue {
+                assert!(length_error(&patch, &chart) < 1e-6, "{method:?} {count}");
+            }
+        }
+    }
+}
+
+fn half_sphere(n: u32) -> Patch {
+    grid(n, n, false, 0.5, |u, v| {
+        let (x, y) = (1.4 * u - 0.7, 1.4 * v - 0.7);
+        [x, y, (1.0 - 0.9 * (x * x + y * y)).sqrt()]
+    })
+}
+
+#[test]
+fn all_methods_keep_the_promises_on_curved_patches() {
+    let bump = grid(20, 14, false, 0.8, |u, v| [3.0 * u, 2.0 * v, (4.0 * u).sin() * (3.0 * v).cos()]);
+    let tube = grid(24, 10, true, 0.5, |u, v| [(TAU * u).cos(), (TAU * u).sin(), 1.2 * v]);
+    let ring = grid(30, 6, true, 0.5, |u, v| {
+        let r = 2.0 - 1.2 * v;
+        [r * (TAU * u).cos(), r * (TAU * u).sin(), 0.3 * (3.0 * TAU * u).sin() * v]
+    });
+    for patch in [half_sphere(12), bump, tube, ring] {
+        for method in METHODS {
+            assert_promises(&patch, &chart(&patch, ChartSpec::Only(method)));
+        }
+        let automatic = chart(&patch, ChartSpec::Automatic);
+        assert_eq!(automatic.method, ChartMethod::SpectralConformal);
+        assert!(automatic.distortion.angle_mean < 1.2, "{:?}", automatic.distortion);
+    }
+}
+
+#[test]
+fn mean_value_is_one_to_one_on_discs_with_slivers() {
+    for seed in 0..6 {
+        // Rows and columns crowd towards one side: triangles of aspect 1000 and more, on a wavy surface.
+        let crowd = |x: f64| x.powi(4 + seed);
+        let patch = grid(14, 14, false, 0.3, |u, v| [crowd(u) + 0.02 * u, v + 0.001 * u, 0.1 * (9.0 * v).sin() * u]);
+        match outcome(&patch, ChartSpec::Only(ChartMethod::MeanValue)).unwrap() {
+            ChartOutcome::Mapped(chart) => assert_promises(&patch, &chart),
+            ChartOutcome::MustSplit { reason, .. } => assert!(reason.contains("differ"), "{reason}"),
+        }
+        assert_promises(&patch, &chart(&patch, ChartSpec::Automatic));
+    }
+}
+
+/// Upper triangle of a Hermitian matrix applied: w^H M w.
+fn form(matrix: &remesh_linalg::ComplexMatrix, w: &[Complex]) -> f64 {
+    let mut sum = 0.0;
+    for (m, (i, j)) in matrix {
+        let term = w[i as usize].conj() * m * w[j as usize];
+        sum += if i == j { term.re } else { 2.0 * term.re };
+    }
+    sum
+}
+
+/// Integral of |grad u turned - grad v|^2 / 2 face by face (P1 eq. 15), from gradients in space.
+fn conformal_energy_directly(patch: &Patch, w: &[Complex]) -> f64 {
+    let face = |t: &[u32; 3]| {
+        let p = t.map(|v| patch.positions[v as usize]);
+        let normal = cross(sub(p[1], p[0]), sub(p[2], p[0]));
+        let twice = norm(normal);
+        let n = scale(normal, 1.0 / twice);
+        let gradient = |f: &dyn Fn(Complex) -> f64| {
+            (0..3).fold([0.0; 3], |g, k| {
+                let opposite = cross(n, sub(p[(k + 2) % 3], p[(k + 1) % 3]));
+                add(g, scale(opposite, f(w[t[k] as usize]) / twice))
+            })
+        };
+        let difference = sub(cross(n, gradient(&|w| w.re)), gradient(&|w| w.im));
+        0.25 * twice * dot(difference, difference)
+    };
+    patch.triangles.iter().map(face).sum()
+}
+
+#[test]
+fn the_matrix_gives_the_conformal_energy_and_the_spectral_map_minimises_it() {
+    let patch = half_sphere(14);
+    let cancel = CancelToken::new();
+    let work = Work::silent(&cancel);
+    let domain = Domain::new(&patch, Filling::Open).unwrap();
+    let mass = boundary_mass(&domain);
+    assert!((mass.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+    let matrix = conformal_matrix(&domain, &domain.outer, &mass, 0.0).unwrap();
+    let random: Vec<Complex> = (0..domain.size() as u32).map(|i| Complex::new(noise(i), noise(i + 5000))).collect();
+    let (one, two) = (0.5 * form(&matrix, &random), conformal_energy_directly(&patch, &random));
+    assert!((one / two - 1.0).abs() < 1e-10, "{one} {two}");
+
+    let conformal = Conformal::new(&domain, &work).unwrap();
+    let (spectral, value) = conformal.spectral(&work).unwrap();
+    let ratio = |w: &[Complex]| {
+        let on: Vec<Complex> = domain.outer.iter().map(|&v| w[v as usize]).collect();
+        let mean: Complex = on.iter().zip(&mass).map(|(w, &m)| w * m).sum();
+        2.0 * conformal_energy_directly(&patch, w) / on.iter().zip(&mass).map(|(w, m)| (w - mean).norm_sqr() * m).sum::<f64>()
+    };
+    assert!((ratio(&spectral) / value - 1.0).abs() < 1e-5, "{} {value}", ratio(&spectral));
+    let ring = &domain.outer;
+    for (p, q) in [(0, ring.len() / 2), (ring.len() / 4, 3 * ring.len() / 4), (1, 3)] {
+        let pinned = conformal.pinned(ring[p], ring[q], &work).unwrap();
+        let span = pinned[ring[p] as usize] - pinned[ring[q] as usize];
+        assert!((span - 1.0).norm() < 1e-9);
+        assert!(ratio(&pinned) >= value * (1.0 - 1e-6));
+        // Stationary: no other map with these pins has less energy, tried in a few directions.
+        let energy = conformal_energy_directly(&patch, &pinned);
+        for seed in 0..5u32 {
+            let mut other = pinned.clone();
+            for (v, w) in other.iter_mut().enumerate().filter(|(v, _)| *v as u32 != ring[p] && *v as u32 != ring[q]) {
+                *w += Complex::new(noise(seed * 9001 + v as u32) - 0.5, noise(seed * 77 + 3 * v as u32) - 0.5) * 1e-4;
+            }
+            assert!(conformal_energy_directly(&patch, &other) > energy);
+        }
+    }
+}
+
+#[test]
+fn charts_are_the_same_bit_for_bit() {
+    let patch = half_sphere(10);
+    for method in METHODS {
+        assert_eq!(chart(&patch, ChartSpec::Only(method)), chart(&patch, ChartSpec::Only(method)));
+    }
+}
+
+#[test]
+fn a_rigid_motion_of_space_does_not_turn_the_chart() {
+    let shape = |u: f64, v: f64| [3.0 * u, v * (1.0 + u), 0.3 * (5.0 * u * v).sin()];
+    let (here, there) = (grid(11, 7, false, 0.4, shape), grid(11, 7, false, 0.4, |u, v| pose(5, 1.0, shape(u, v))));
+    for method in METHODS {
+        let (a, b) = (chart(&here, ChartSpec::Only(method)), chart(&there, ChartSpec::Only(method)));
+        let apart = a.uv.iter().zip(&b.uv).map(|(p, q)| (p[0] - q[0]).hypot(p[1] - q[1])).fold(0.0, f64::max);
+        assert!(apart < 1e-5, "{method:?} {apart}");
+    }
+}
