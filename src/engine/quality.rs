@@ -4,14 +4,13 @@ mod distance;
 mod edges;
 pub mod intersect;
 mod shape;
-mod topology_numbers;
 
 use crate::bvh::TriangleBvh;
+use crate::diagnose::topology_numbers;
 use crate::error::{EngineError, MAX_LOCATIONS, Result};
 use crate::fingerprint::{Contents, Feeder};
 use crate::mesh::SurfaceMesh;
 use crate::work::Work;
-use topology_numbers::topology_numbers;
 
 /// Wanted edge length for the size measures.
 #[derive(Debug, Clone, PartialEq)]
