@@ -1,0 +1,19 @@
+//! The service over a real socket on port 0 (and over the private pipe), one file per behaviour.
+
+#[path = "service/harness.rs"]
+mod harness;
+
+#[path = "service/cancel.rs"]
+mod cancel;
+#[path = "service/edits.rs"]
+mod edits;
+#[path = "service/errors.rs"]
+mod errors;
+#[path = "service/files.rs"]
+mod files;
+#[path = "service/lifecycle.rs"]
+mod lifecycle;
+#[path = "service/limits.rs"]
+mod limits;
+#[path = "service/discovery.rs"]
+mod discovery;
