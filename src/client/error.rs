@@ -16,7 +16,7 @@ pub type Result<T> = std::result::Result<T, ClientError>;
 #[non_exhaustive]
 pub enum ClientError {
     /// The endpoint is not a URL that can be connected to.
-    #[error("'{endpoint}' is not an endpoint: {cause} (expected something like http://127.0.0.1:7077)")]
+    #[error("'{endpoint}' is not an endpoint: {cause} (expected something like http://127.0.0.1:50061)")]
     BadEndpoint {
         /// What was given.
         endpoint: String,

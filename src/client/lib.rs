@@ -9,7 +9,7 @@
 //! use remesh_client::{Client, Source, v1};
 //!
 //! # async fn example() -> Result<(), Box<dyn std::error::Error>> {
-//! let client = Client::connect("http://127.0.0.1:7077").await?;
+//! let client = Client::connect("http://127.0.0.1:50061").await?;
 //! let session = client.create_session("bunny", None).await?;
 //!
 //! let blob = client.upload(std::fs::read("bunny.obj")?.into(), |_sent| {}).await?;

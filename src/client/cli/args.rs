@@ -14,7 +14,7 @@ Exit codes:
   130  interrupted (the work is cancelled, on the daemon too)
 
 Environment:
-  REMESH_ENDPOINT  daemon to use when --endpoint is not given, as in http://127.0.0.1:7077
+  REMESH_ENDPOINT  daemon to use when --endpoint is not given, as in http://127.0.0.1:50061
 
 Without an endpoint the work is done inside this process. The verbs that take a SESSION need a running daemon (`remeshd`),
 because a session lives in it.";
@@ -32,7 +32,7 @@ pub(crate) struct Cli {
 /// Options of every command.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct GlobalArgs {
-    /// Daemon to use, as in http://127.0.0.1:7077 or unix:///run/remeshd.sock
+    /// Daemon to use, as in http://127.0.0.1:50061
     #[arg(long, global = true, value_name = "URL")]
     pub(crate) endpoint: Option<String>,
     /// Print one JSON object on standard output instead of text
