@@ -32,7 +32,7 @@ pub(crate) struct Cli {
 /// Options of every command.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct GlobalArgs {
-    /// Daemon to use, as in http://127.0.0.1:50061 or unix:///run/remeshd.sock
+    /// Daemon to use, as in http://127.0.0.1:50061
     #[arg(long, global = true, value_name = "URL")]
     pub(crate) endpoint: Option<String>,
     /// Print one JSON object on standard output instead of text

@@ -1,0 +1,234 @@
+//! The program `remesh` as a user runs it: samples, diagnoses, a whole run, pictures, exit codes; and the verbs on a session against
+//! a daemon on a free port.
+
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+
+/// A directory of one test; removed when it ends well.
+struct Scratch(PathBuf);
+
+impl Scratch {
+    fn new(name: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("remesh-cli-{}-{name}", std::process::id()));
+        std::fs::create_dir_all(&path).expect("a temporary directory");
+        Scratch(path)
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.0.join(name).display().to_string()
+    }
+
+    fn remesh(&self, arguments: &[&str]) -> Answer {
+        let output = Command::new(env!("CARGO_BIN_EXE_remesh"))
+            .args(arguments)
+            .current_dir(&self.0)
+            .env_remove("REMESH_ENDPOINT")
+            .output()
+            .expect("the program starts");
+        Answer::of(output)
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        if !std::thread::panicking() {
+            let _ = std::fs::remove_dir_all(&self.0);
+        }
+    }
+}
+
+#[derive(Debug)]
+struct Answer {
+    code: Option<i32>,
+    out: String,
+    err: String,
+}
+
+impl Answer {
+    fn of(output: Output) -> Self {
+        let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
+        Answer { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
+    }
+
+    fn ok(self) -> Self {
+        assert_eq!(self.code, Some(0), "{self:?}");
+        self
+    }
+}
+
+fn starts_with(path: &str, magic: &[u8]) -> bool {
+    std::fs::read(path).is_ok_and(|bytes| bytes.starts_with(magic))
+}
+
+const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
+
+/// A tetrahedron and a third face on one of its edges.
+const FIN: &str = "OFF\n5 5 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 1 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 2 0 3\n3 0 1 4\n";
+
+#[test]
+fn a_sample_is_written_diagnosed_and_remeshed() {
+    let scratch = Scratch::new("run");
+    let sampled = scratch.remesh(&["sample", "tube", "--triangles", "3000", "-o", "tube.stl"]).ok();
+    assert!(sampled.out.contains("2 boundary loops"), "{sampled:?}");
+    let diagnosed = scratch.remesh(&["diagnose", "tube.stl"]).ok();
+    assert!(diagnosed.out.contains("can be remeshed") && diagnosed.out.contains("2 holes"), "{diagnosed:?}");
+    let run = scratch.remesh(&["run", "tube.stl", "-o", "out.vtu", "--triangles", "1500", "--quality", "--before-after", "h.png"]).ok();
+    for expected in ["read      tube.stl", "patches", "kappa", "tau", "(kept)", "crossings none", "time", "cache"] {
+        assert!(run.out.contains(expected), "{expected}: {run:?}");
+    }
+    assert!(run.err.contains("warning:"), "what the format cannot carry is said: {run:?}");
+    assert!(starts_with(&scratch.path("h.png"), PNG) && starts_with(&scratch.path("out.vtu"), b"<?xml"));
+    let names = std::fs::read_dir(&scratch.0).expect("listed").count();
+    assert_eq!(names, 3, "no temporary file stays");
+}
+
+#[test]
+fn the_same_command_gives_the_same_file() {
+    let scratch = Scratch::new("same");
+    scratch.remesh(&["sample", "cad-part", "--triangles", "2000", "-o", "part.stl"]).ok();
+    for (threads, name) in [("1", "a.msh"), ("2", "b.msh")] {
+        scratch.remesh(&["run", "part.stl", "-o", name, "--triangles", "1500", "--threads", threads, "--quiet"]).ok();
+    }
+    let read = |name| std::fs::read(scratch.path(name)).expect("written");
+    assert_eq!(read("a.msh"), read("b.msh"));
+    let compared = scratch.remesh(&["quality", "part.stl", "a.msh", "--json"]).ok();
+    assert!(compared.out.contains(r#""topology_kept":true"#) && compared.out.contains(r#""tau":null"#), "{compared:?}");
+}
+
+#[test]
+fn json_is_one_object_on_standard_output() {
+    let scratch = Scratch::new("json");
+    let sampled = scratch.remesh(&["sample", "tube", "--triangles", "800", "-o", "t.off", "--json"]).ok();
+    assert!(sampled.out.starts_with('{') && sampled.out.trim_end().ends_with('}') && sampled.out.lines().count() == 1, "{sampled:?}");
+    let failed = scratch.remesh(&["diagnose", "absent.stl", "--json"]);
+    assert_eq!(failed.code, Some(1));
+    assert!(failed.out.starts_with(r#"{"error":{"#) && failed.out.contains("absent.stl"), "{failed:?}");
+}
+
+#[test]
+fn a_broken_surface_is_refused_with_places() {
+    let scratch = Scratch::new("refused");
+    std::fs::write(scratch.path("fin.off"), FIN).expect("written");
+    let run = scratch.remesh(&["run", "fin.off", "-o", "out.stl", "--size", "0.3"]);
+    assert_eq!(run.code, Some(3), "{run:?}");
+    assert!(run.err.contains("edge with more than two faces") && run.err.contains("edge 0-1 at ("), "{run:?}");
+    assert!(!Path::new(&scratch.path("out.stl")).exists());
+    assert_eq!(scratch.remesh(&["diagnose", "fin.off"]).code, Some(3));
+    std::fs::write(scratch.path("cut.stl"), b"solid x\n facet normal 0 0").expect("written");
+    let cut = scratch.remesh(&["diagnose", "cut.stl"]);
+    assert!(cut.code == Some(1) || cut.code == Some(3), "{cut:?}");
+    assert!(cut.err.contains("error: "), "{cut:?}");
+}
+
+#[test]
+fn mistakes_are_told_before_the_work() {
+    let scratch = Scratch::new("usage");
+    scratch.remesh(&["sample", "tube", "--triangles", "800", "-o", "t.stl"]).ok();
+    let code = |arguments: &[&str]| scratch.remesh(arguments).code;
+    assert_eq!(code(&["run", "t.stl", "-o", "./t.stl", "--size", "1"]), Some(2), "the input is not overwritten");
+    assert_eq!(code(&["run", "t.stl", "-o", "o.step", "--size", "1"]), Some(2));
+    assert_eq!(code(&["run", "t.stl", "-o", "o.stl"]), Some(2), "a size is never guessed");
+    assert_eq!(code(&["run", "t.stl", "-o", "o.stl", "--size", "1", "--triangles", "9"]), Some(2));
+    assert_eq!(code(&["run", "t.stl", "-o", "no/such/o.stl", "--size", "1"]), Some(1));
+    assert_eq!(code(&["run", "absent.stl", "-o", "o.stl", "--size", "1"]), Some(1));
+    assert_eq!(code(&["session", "list"]), Some(2), "needs a daemon");
+    assert_eq!(code(&["status", "--endpoint", "http://127.0.0.1:9"]), Some(4));
+    assert_eq!(code(&["status"]), Some(0));
+}
+
+#[test]
+fn pictures_are_drawn_without_a_display() {
+    let scratch = Scratch::new("render");
+    scratch.remesh(&["sample", "cad-part", "--triangles", "2000", "-o", "part.off"]).ok();
+    let small = ["--width", "300", "--height", "240"];
+    let commands: [&[&str]; 4] = [
+        &["render", "part.off", "-o", "a.png", "--by", "region", "--edges"],
+        &["render", "part.off", "-o", "b.png", "--by", "patch", "--up", "y", "--azimuth", "-20"],
+        &["render", "part.off", "-o", "c.png", "--chart", "0", "--by", "kappa"],
+        &["render", "part.off", "-o", "d.png", "--histogram", "--triangles", "1000"],
+    ];
+    for command in commands {
+        scratch.remesh(&[command, &small].concat()).ok();
+        assert!(starts_with(&scratch.path(command[3]), PNG), "{command:?}");
+    }
+    assert_eq!(scratch.remesh(&["render", "part.off", "-o", "e.png", "--result"]).code, Some(2), "a result needs a size");
+    assert_eq!(scratch.remesh(&["render", "part.off", "-o", "f.png", "--chart", "9999"]).code, Some(1), "no such patch");
+}
+
+/// A daemon on a free port; killed when dropped.
+struct Daemon {
+    process: Child,
+    endpoint: String,
+}
+
+impl Daemon {
+    fn start() -> Self {
+        let mut process = Command::new(env!("CARGO_BIN_EXE_remeshd"))
+            .args(["--listen", "127.0.0.1:0", "--threads", "1"])
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the daemon starts");
+        let mut log = BufReader::new(process.stderr.take().expect("piped")).lines();
+        let told = log.by_ref().map_while(Result::ok).find_map(|line| {
+            let rest = &line[line.find("address=")? + "address=".len()..];
+            Some(rest.split_whitespace().next().unwrap_or_default().to_owned())
+        });
+        // Whoever logs must not be blocked by a full pipe.
+        std::thread::spawn(move || log.for_each(drop));
+        Daemon { process, endpoint: format!("http://{}", told.expect("the log tells the address")) }
+    }
+}
+
+impl Drop for Daemon {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+#[test]
+fn a_session_of_a_daemon_step_by_step() {
+    let scratch = Scratch::new("steps");
+    let daemon = Daemon::start();
+    let at = |arguments: &[&str]| scratch.remesh(&[arguments, &["--endpoint", &daemon.endpoint]].concat());
+    let has = |arguments: &[&str], expected: &str| {
+        let answer = at(arguments).ok();
+        assert!(answer.out.contains(expected), "{expected}: {answer:?}");
+    };
+    at(&["sample", "cad-part", "--triangles", "3000", "-o", "part.stl"]).ok();
+    let created = at(&["session", "create", "--name", "test", "--ttl", "10m"]).ok();
+    let session = created.out.trim();
+    assert!(session.starts_with("sessions/"), "{created:?}");
+    assert_eq!(at(&["remesh", session]).code, Some(1), "no mesh yet");
+    has(&["import", session, "part.stl"], "can be remeshed");
+    has(&["set", session, "--triangles", "1500", "--feature-angle", "35"], "revision");
+    has(&["set", session, "--max-patch-faces", "800", "--min-chain", "0"], "revision");
+    has(&["session", "show", session], "feature_angle: 35.0");
+    assert_eq!(at(&["set", session]).code, Some(2), "nothing to set");
+    has(&["partition", session], "patches");
+    has(&["chart", session], "spectral");
+    has(&["chart", session, "--patch", "0"], "1 of ");
+    has(&["plan", session], "will run");
+    has(&["remesh", session], "kappa");
+    has(&["plan", session], "cached");
+    has(&["quality", "--session", session], "(kept)");
+    has(&["export", session, "-o", "out.msh"], "out.msh");
+    has(&["render", "--session", session, "--result", "-o", "r.png", "--width", "300", "--height", "240"], "drew");
+    assert!(starts_with(&scratch.path("r.png"), PNG));
+
+    let shown = at(&["session", "show", session, "--json"]).ok().out;
+    let revision = shown.split(r#""revision":"#).nth(1).and_then(|rest| rest.split([',', '}']).next()).expect("a revision").to_owned();
+    has(&["set", session, "--triangles", "600"], "revision");
+    has(&["remesh", session], "were cached");
+    has(&["rollback", session, &revision], "with the inputs of");
+    let undone = at(&["plan", session, "--json"]).ok();
+    assert!(undone.out.contains(r#""runs":0"#), "undo is free: {undone:?}");
+
+    has(&["session", "list"], session);
+    has(&["session", "set-ttl", session, "1h"], "3600 s");
+    has(&["status"], "sessions  1 of");
+    has(&["session", "delete", session], "is deleted");
+    assert_eq!(at(&["plan", session]).code, Some(1), "gone");
+    has(&["status"], "sessions  0 of");
+}
