@@ -334,7 +334,7 @@ impl Contents for SearchTree {
     }
 }
 
-pub(super) fn search_tree_step(context: &Context<'_>, imported: &Stored<Imported>) -> Step<Stored<SearchTree>> {
+fn search_tree_step(context: &Context<'_>, imported: &Stored<Imported>) -> Step<Stored<SearchTree>> {
     let key = StageKey::new(Stage::SearchTree, |f| {
         f.fingerprint(imported.output);
     });
