@@ -117,8 +117,9 @@ impl Engine {
         removed.map(drop).ok_or_else(|| EngineError::new(Reason::SessionNotFound, "no such session"))
     }
 
-    /// Removes expired sessions and gives how many there were.
+    /// Removes expired sessions and gives how many there were; brings the cache back under its budget.
     pub fn sweep(&self, now: SystemTime) -> usize {
+        self.cache.trim();
         let mut sessions = guard(&self.sessions);
         let before = sessions.len();
         sessions.retain(|_, session| session.expires() >= now);

@@ -183,7 +183,7 @@ pub fn compare(
 }
 
 /// What a request for the finished mesh would find in the cache and what it would run. Computes nothing.
-/// Where a stage will run, the stages below it that work on the whole surface are listed as running too; patches and curves
+/// Where a stage will run, the stages below it are listed as running too (they may turn out to be cached); patches and curves
 /// of a partition that is not known yet cannot be listed.
 ///
 /// # Errors

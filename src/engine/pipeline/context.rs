@@ -8,7 +8,8 @@ use crate::parallel::map_indices;
 use crate::stage::{Outcome, Stage, StageKey, StageRecord, Stored, Subject};
 use crate::work::{CancelToken, Work};
 use std::any::Any;
-use std::sync::Mutex;
+use std::collections::HashSet;
+use std::sync::{Mutex, MutexGuard};
 use std::time::Instant;
 
 /// How far a stage is.
@@ -108,18 +109,24 @@ impl<'a> Context<'a> {
         records
     }
 
-    fn record(&self, record: StageRecord) {
-        self.records.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).push(record);
+    fn lock_records(&self) -> MutexGuard<'_, Vec<StageRecord>> {
+        self.records.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 
-    /// Notes stages over the whole surface that a plan cannot reach but that will run.
-    pub(super) fn will_run(&self, stages: &[Stage]) {
-        for &stage in stages {
-            let known = self.records.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).iter().any(|r| r.stage == stage);
-            if !known {
-                self.record(self.planned_record(stage, Subject::Surface, false, 0));
+    fn record(&self, record: StageRecord) {
+        self.lock_records().push(record);
+    }
+
+    /// Passes a halt on; if it is one of a plan, notes what lies below it and was not looked at as going to run.
+    pub(super) fn and_below(&self, halt: Halt, surface: &[Stage], items: &[(Stage, Subject)]) -> Halt {
+        if matches!(halt, Halt::Unknown) {
+            let seen: HashSet<(Stage, Subject)> = self.lock_records().iter().map(|r| (r.stage, r.subject)).collect();
+            let whole = surface.iter().map(|&stage| (stage, Subject::Surface));
+            for (stage, subject) in whole.chain(items.iter().copied()).filter(|item| !seen.contains(item)) {
+                self.record(self.planned_record(stage, subject, false, 0));
             }
         }
+        halt
     }
 
     fn planned_record(&self, stage: Stage, subject: Subject, hit: bool, bytes: u64) -> StageRecord {

@@ -261,22 +261,19 @@ fn lift_step(
 }
 
 pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Remesh> {
-    let charts = match charts_step(context, snapshot) {
-        Err(Halt::Unknown) => {
-            context.will_run(&[Stage::Assembly, Stage::SearchTree, Stage::Optimize]);
-            return Err(Halt::Unknown);
-        }
-        other => other?,
-    };
-    let below = |halt: Halt| {
-        if matches!(halt, Halt::Unknown) {
-            context.will_run(&[Stage::Assembly, Stage::Optimize]);
-        }
-        halt
-    };
+    let below_charts = [Stage::Assembly, Stage::Optimize];
+    let charts = charts_step(context, snapshot).map_err(|halt| context.and_below(halt, &below_charts, &[]))?;
+    // Looked at before anything below it can halt a plan.
+    let tree = search_tree_step(context, &charts.surface.imported);
+    let patches = (0..charts.charts.len() as u32).map(Subject::Patch);
+    let curves = (0..charts.patches.network.curves.len() as u32).map(Subject::Curve);
+    let each: Vec<(Stage, Subject)> = curves
+        .map(|c| (Stage::Curve, c))
+        .chain(patches.flat_map(|p| [(Stage::Planar, p), (Stage::Lift, p)]))
+        .collect();
+    let below = |halt| context.and_below(halt, &below_charts, &each);
     let sizes = size_step(context, snapshot, &charts).map_err(below)?;
     let all: Vec<u32> = (0..charts.charts.len() as u32).collect();
-    let tree = search_tree_step(context, &charts.surface.imported);
     let meshes = lifted_step(context, snapshot, &charts, &sizes, &all).map_err(below)?;
     let tree = tree.map_err(below)?;
     let assembled = assembly_step(context, &charts, &meshes).map_err(below)?;

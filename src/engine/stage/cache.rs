@@ -132,6 +132,11 @@ impl StageCache {
         self.lock().usage
     }
 
+    /// Brings the cache back under its budget after leases have ended. New outputs do so too; this is for quiet times.
+    pub fn trim(&self) {
+        self.lock().evict();
+    }
+
     /// Mean milliseconds of the past runs of a stage; 0 if it never ran.
     pub fn mean_milliseconds(&self, stage: Stage) -> f64 {
         self.lock().history.get(&stage).map_or(0.0, |&(runs, nanos)| nanos as f64 * 1e-6 / runs.max(1) as f64)
@@ -210,20 +215,22 @@ impl State {
         self.evict();
     }
 
+    /// Drops what saves least until the budget holds; leased outputs stay. O(dropped + leased).
     fn evict(&mut self) {
-        if self.usage.bytes <= self.usage.budget_bytes {
-            return;
-        }
-        let candidates: Vec<(Priority, StageKey)> = self.order.iter().copied().collect();
-        for (priority, key) in candidates {
-            if self.usage.bytes <= self.usage.budget_bytes {
+        let mut excess = self.usage.bytes.saturating_sub(self.usage.budget_bytes);
+        let mut victims = Vec::new();
+        for &(priority, key) in &self.order {
+            if excess == 0 {
                 break;
             }
-            let Some(Slot::Ready(entry)) = self.slots.get(&key) else { continue };
-            if Arc::strong_count(&entry.value) > 1 {
-                continue; // leased
+            if let Some(Slot::Ready(entry)) = self.slots.get(&key)
+                && Arc::strong_count(&entry.value) == 1
+            {
+                victims.push((priority, key, entry.bytes as u64));
+                excess = excess.saturating_sub(entry.bytes as u64);
             }
-            let bytes = entry.bytes as u64;
+        }
+        for (priority, key, bytes) in victims {
             self.clock = self.clock.max(priority.0);
             self.slots.remove(&key);
             self.order.remove(&(priority, key));
