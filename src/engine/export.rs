@@ -62,6 +62,7 @@ pub struct Exported {
 /// | VTU | ascii, binary (base64) | number and name | patch, kappa |
 ///
 /// In formats that have names only, a region without a name is called `region_<number>`; [`crate::import`] reads that back.
+/// VTU has for each region a field `region NAME` with its number, beside the cell arrays `region_id`, `patch_id` and `kappa`.
 /// STL ascii, MSH 4.1 and glTF list faces by region, so their order changes; the others keep it. Vertices keep their order
 /// except in STL.
 ///

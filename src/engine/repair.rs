@@ -63,18 +63,13 @@ pub fn repair(mesh: &mut SurfaceMesh, weld_tolerance: f64, report: &mut ImportRe
     for (t, _) in mesh.triangles.iter_mut().zip(&turn).filter(|(_, turned)| **turned) {
         t.swap(1, 2);
     }
-    tell_inward_parts(mesh, report, work)?;
-    report.unused_vertices_dropped += faces::drop_unused_vertices(mesh);
-    Ok(())
-}
-
-fn tell_inward_parts(mesh: &SurfaceMesh, report: &mut ImportReport, work: &Work<'_>) -> Result<()> {
-    let edges = EdgeTable::build(&mesh.triangles, mesh.positions.len());
     work.check()?;
+    // Which faces share an edge is still as in the table: splitting and turning do not change it.
     let inward = orient::inward_parts(mesh, &edges);
     if inward > 0 {
         report.warnings.push(format!("{inward} closed parts have their faces pointing inwards; they were left so (they may be cavities)"));
     }
+    report.unused_vertices_dropped += faces::drop_unused_vertices(mesh);
     Ok(())
 }
 

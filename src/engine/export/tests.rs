@@ -3,7 +3,7 @@
 use super::{Encoding, Exported, FaceData, export_mesh};
 use crate::error::Reason;
 use crate::import::{Format, ImportOptions, Imported, import_mesh};
-use crate::mesh::{LengthUnit, SurfaceMesh};
+use crate::mesh::{LengthUnit, Region, SurfaceMesh};
 use crate::repair::shapes::{Lcg, band, torus};
 use crate::work::{CancelToken, Work};
 use std::collections::{BTreeMap, BTreeSet};
@@ -157,6 +157,27 @@ fn face_data_does_not_disturb_reading() {
         let bytes = export_mesh(&mesh, data, format, encoding).unwrap().bytes;
         assert_same(&mesh, &read(&bytes).mesh, keeps, &format!("{format:?} {encoding:?}"));
     }
+}
+
+#[test]
+fn vtu_holds_the_arrays_in_both_encodings() {
+    let mut mesh = band(3, 0);
+    mesh.regions[0] = Region { id: 4, name: "a<b".to_owned() };
+    let kappa: Vec<f64> = (0..6).map(|f| 0.5 + f64::from(f)).collect();
+    let data = FaceData { patch: Some(&[0, 1, 2, 3, 4, 5]), kappa: Some(&kappa) };
+    let text = |encoding| String::from_utf8(export_mesh(&mesh, data, Format::Vtu, encoding).unwrap().bytes).unwrap();
+    let array = |text: &str, name: &str| {
+        let begin = text.find(&format!("Name=\"{name}\"")).unwrap();
+        let body = &text[begin..];
+        body[body.find('>').unwrap() + 1..body.find('<').unwrap()].trim().to_owned()
+    };
+    let (ascii, binary) = (text(Encoding::Ascii), text(Encoding::Binary));
+    assert_eq!(array(&ascii, "kappa"), "0.5 1.5 2.5 3.5 4.5 5.5");
+    assert_eq!(array(&ascii, "region a&lt;b"), "4");
+    assert_eq!(array(&ascii, "offsets"), "3 6 9 12 15 18");
+    let bytes = crate::import::base64::decode(array(&binary, "kappa").as_bytes()).unwrap();
+    let expected: Vec<u8> = 48u64.to_le_bytes().into_iter().chain(kappa.iter().flat_map(|k| k.to_le_bytes())).collect();
+    assert_eq!(bytes, expected);
 }
 
 /// Whatever the bytes: a surface or a typed error.

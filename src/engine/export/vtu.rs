@@ -86,16 +86,21 @@ pub(crate) fn write(mesh: &SurfaceMesh, data: FaceData<'_>, style: Style, out: &
     bytes.extend_from_slice(b"</CellData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n");
 }
 
-/// Names as VTK writes strings in ascii: the codes of their bytes, each string ended by 0; in the order of `region_ids` beside them.
+/// One number for each region under the name `region NAME`: VTK's own arrays of strings are not read by other programs.
 fn put_region_names(mesh: &SurfaceMesh, bytes: &mut Vec<u8>) {
     bytes.extend_from_slice(b"<FieldData>\n");
-    let count = mesh.regions.len();
-    put!(bytes, "<DataArray type=\"Int64\" Name=\"region_ids\" NumberOfTuples=\"{count}\" format=\"ascii\">\n");
-    mesh.regions.iter().for_each(|r| put!(bytes, "{} ", r.id));
-    put!(bytes, "\n</DataArray>\n<DataArray type=\"String\" Name=\"region_names\" NumberOfTuples=\"{count}\" format=\"ascii\">\n");
     for region in &mesh.regions {
-        stand_in_name(region).bytes().for_each(|b| put!(bytes, "{b} "));
-        bytes.extend_from_slice(b"0 ");
+        let name = escaped(&stand_in_name(region));
+        put!(
+            bytes,
+            "<DataArray type=\"Int64\" Name=\"region {name}\" NumberOfTuples=\"1\" format=\"ascii\">\n{}\n</DataArray>\n",
+            region.id
+        );
     }
-    bytes.extend_from_slice(b"\n</DataArray>\n</FieldData>\n");
+    bytes.extend_from_slice(b"</FieldData>\n");
+}
+
+/// Text for an attribute of XML.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

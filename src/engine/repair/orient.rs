@@ -8,8 +8,11 @@ use crate::vector::{add, cross, dot};
 /// oriented. The orientation that more faces of the part have wins; with a tie, that of its first face.
 /// A part that cannot be oriented is left as it is and counted in the second result.
 pub(crate) fn faces_to_turn(triangles: &[[u32; 3]], edges: &EdgeTable) -> (Vec<bool>, u32) {
-    let neighbours = neighbours(triangles, edges);
     let faces = triangles.len();
+    if (0..edges.len()).all(|e| edges.pair(e).is_none_or(|[a, b]| ends(triangles, a)[0] != ends(triangles, b)[0])) {
+        return (vec![false; faces], 0);
+    }
+    let neighbours = neighbours(triangles, edges);
     let mut turn = vec![false; faces];
     let mut seen = vec![false; faces];
     let mut part = Vec::new();
@@ -110,7 +113,7 @@ pub(crate) fn split_fans(mesh: &mut SurfaceMesh, edges: &EdgeTable) -> u64 {
     fans.iter().filter(|&&n| n > 1).count() as u64
 }
 
-/// Numbers of the closed parts (from 1, in the order of their first faces) whose faces point inwards: signed volume below 0.
+/// How many closed parts have faces that point inwards: a signed volume below 0. Of `edges` only the faces are used.
 pub(crate) fn inward_parts(mesh: &SurfaceMesh, edges: &EdgeTable) -> u64 {
     let mut sets = crate::diagnose::edges::DisjointSets::new(mesh.triangles.len());
     let mut open_faces = Vec::new();
