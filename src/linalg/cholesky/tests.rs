@@ -22,7 +22,8 @@ fn dense_solve<T: Scalar + std::ops::Div<Output = T>>(mut a: Vec<Vec<T>>, mut b:
             let known = b[j];
             b[k] -= a[k][j] * known;
         }
-        b[k] = b[k] / a[k][k];
+        let solved = b[k] / a[k][k];
+        b[k] = solved;
     }
     b
 }
