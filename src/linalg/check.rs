@@ -4,10 +4,12 @@ use crate::{BACKWARD_ERROR_LIMIT, Complex, SolveError};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::traits::ComplexField;
 use sprs::CsMatI;
-use std::ops::{Add, Mul, Sub};
+use std::ops::{Add, Mul, Sub, SubAssign};
 
 /// The two number types of the crate.
-pub(crate) trait Scalar: ComplexField + Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + 'static {
+pub(crate) trait Scalar:
+    ComplexField + Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + SubAssign + 'static
+{
     fn real(x: f64) -> Self;
     fn conjugate(self) -> Self;
     fn magnitude(self) -> f64;
@@ -66,10 +68,10 @@ fn backward_error<T: Scalar>(matrix: SparseColMatRef<'_, u32, T>, stored: Stored
             if stored == Stored::UpperTriangle && i > j {
                 continue;
             }
-            residual[i] = residual[i] - a * x[j];
+            residual[i] -= a * x[j];
             row_sums[i] += a.magnitude();
             if stored == Stored::UpperTriangle && off_diagonal {
-                residual[j] = residual[j] - a.conjugate() * x[i];
+                residual[j] -= a.conjugate() * x[i];
                 row_sums[j] += a.magnitude();
             }
         }

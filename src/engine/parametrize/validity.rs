@@ -82,7 +82,7 @@ impl Boxes {
         let mut visited = 0u32;
         while let Some((a, b)) = stack.pop() {
             visited += 1;
-            if visited % 65_536 == 0 {
+            if visited.is_multiple_of(65_536) {
                 work.check()?;
             }
             if a == b {

@@ -10,16 +10,20 @@ fn dense_solve<T: Scalar + std::ops::Div<Output = T>>(mut a: Vec<Vec<T>>, mut b:
         for i in k + 1..n {
             let factor = a[i][k] / a[k][k];
             for j in k..n {
-                a[i][j] = a[i][j] - factor * a[k][j];
+                let above = a[k][j];
+                a[i][j] -= factor * above;
             }
-            b[i] = b[i] - factor * b[k];
+            let above = b[k];
+            b[i] -= factor * above;
         }
     }
     for k in (0..n).rev() {
         for j in k + 1..n {
-            b[k] = b[k] - a[k][j] * b[j];
+            let known = b[j];
+            b[k] -= a[k][j] * known;
         }
-        b[k] = b[k] / a[k][k];
+        let solved = b[k] / a[k][k];
+        b[k] = solved;
     }
     b
 }
