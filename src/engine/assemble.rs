@@ -239,3 +239,6 @@ fn check_topology(input: &Topology, out: &Assembled) -> Result<()> {
     let (a, b) = (input.totals(), result.totals());
     Err(EngineError::invariant(format!("the joined mesh has (Euler, genus, loops, components) {b:?}, the input {a:?}")))
 }
+
+#[cfg(test)]
+mod tests;

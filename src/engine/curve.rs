@@ -190,3 +190,6 @@ pub fn patch_curve_uses<'a>(
     }
     uses
 }
+
+#[cfg(test)]
+mod tests;

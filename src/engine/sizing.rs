@@ -240,3 +240,6 @@ fn limit_growth(mesh: &SurfaceMesh, topology: &Topology, sizes: &mut [f64], slop
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests;

@@ -9,7 +9,7 @@ use super::{CurveUse, PlanarMesh, SurfacePoint, VertexOrigin, point_in_space};
 use crate::error::{EngineError, Reason, Result};
 use crate::patch::Patch;
 use crate::topology::Topology;
-use crate::vector::{Vec2, area_vector_twice, distance, dot, kappa};
+use crate::vector::{Vec2, Vec3, area_vector_twice, distance, dot, kappa, lerp};
 use crate::work::Work;
 
 /// Edges shorter than this share of the size are collapsed when the input mesh itself is coarsened.
@@ -25,12 +25,20 @@ struct Reducer<'a> {
 }
 
 impl Reducer<'_> {
-    /// A new vertex halfway between two others, on the patch.
+    /// A new vertex halfway between two others in the chart; at the place of the first, if the chart is no help.
     fn midpoint(&mut self, a: u32, b: u32) -> u32 {
-        let (p, q) = (self.mesh.uv[a as usize], self.mesh.uv[b as usize]);
+        let (i, j) = (a as usize, b as usize);
+        let (p, q) = (self.mesh.uv[i], self.mesh.uv[j]);
         let uv = [0.5 * (p[0] + q[0]), 0.5 * (p[1] + q[1])];
-        let point = self.locator.locate(uv, self.mesh.points[a as usize].face);
-        self.mesh.add_vertex(uv, point_in_space(self.patch, &point), point, VertexOrigin::Interior)
+        let point = self.locator.locate(uv, self.mesh.points[i].face);
+        let place = point_in_space(self.patch, &point);
+        let (x, y) = (self.mesh.positions[i], self.mesh.positions[j]);
+        if distance(place, x).max(distance(place, y)) <= distance(x, y) {
+            return self.mesh.add_vertex(uv, place, point, VertexOrigin::Interior);
+        }
+        // A surplus vertex: it lies where its face says, curve points need not.
+        let point = self.mesh.points[i];
+        self.mesh.add_vertex(p, point_in_space(self.patch, &point), point, VertexOrigin::Interior)
     }
 
     /// Where a surplus vertex may go: its two neighbours along its curve.
@@ -121,40 +129,6 @@ impl Reducer<'_> {
         Ok(())
     }
 
-    /// Splits long edges that are not on curves.
-    fn refine(&mut self, wanted: &dyn Fn(&SurfacePoint) -> f64, work: &Work<'_>) -> Result<()> {
-        for _ in 0..PASSES {
-            let mut changed = false;
-            for t in 0..self.mesh.triangles.len() as u32 {
-                if t.is_multiple_of(256) {
-                    work.check()?;
-                }
-                if self.mesh.is_dead(t) {
-                    continue;
-                }
-                let v = self.mesh.triangles[t as usize];
-                let long = |k: usize| {
-                    let (a, b) = (v[k] as usize, v[(k + 1) % 3] as usize);
-                    let size = 0.5 * (wanted(&self.mesh.points[a]) + wanted(&self.mesh.points[b]));
-                    distance(self.mesh.positions[a], self.mesh.positions[b]) / size
-                };
-                let Some(k) = (0..3).max_by(|&i, &j| long(i).total_cmp(&long(j))) else { continue };
-                let (a, b) = (v[k], v[(k + 1) % 3]);
-                if long(k) <= LONG || self.mesh.is_boundary(a, b) || self.mesh.is_crease(a, b) {
-                    continue;
-                }
-                let m = self.midpoint(a, b);
-                self.mesh.split(a, b, m);
-                self.mesh.relax_around(m);
-                changed = true;
-            }
-            if !changed {
-                break;
-            }
-        }
-        Ok(())
-    }
-
     /// The mesh with vertices that are left, in their order.
     fn finish(self) -> PlanarMesh {
         let mesh = self.mesh;
@@ -172,6 +146,62 @@ impl Reducer<'_> {
         out.triangles = alive.map(|t| mesh.triangles[t as usize].map(|v| number[v as usize])).collect();
         out
     }
+}
+
+/// The input's triangles with curve points on their edges, cut up; each piece still lies in one face.
+struct Pieces {
+    mesh: Flexible,
+    /// Face of the patch that holds each triangle.
+    source: Vec<u32>,
+}
+
+impl Pieces {
+    fn split(&mut self, a: u32, b: u32, m: u32) {
+        for t in self.mesh.along(a, b) {
+            self.source.push(self.source[t as usize]);
+        }
+        self.mesh.split(a, b, m);
+    }
+
+    /// Splits long edges that are not on curves, longest of each triangle first.
+    fn refine(&mut self, patch: &Patch, wanted: &dyn Fn(&SurfacePoint) -> f64, work: &Work<'_>) -> Result<()> {
+        for _ in 0..PASSES {
+            let before = self.mesh.triangles.len();
+            for t in 0..before {
+                if t.is_multiple_of(256) {
+                    work.check()?;
+                }
+                let v = self.mesh.triangles[t];
+                let length = |k: usize| distance(self.mesh.positions[v[k] as usize], self.mesh.positions[v[(k + 1) % 3] as usize]);
+                let Some(k) = (0..3).max_by(|&i, &j| length(i).total_cmp(&length(j))) else { continue };
+                let (a, b) = (v[k], v[(k + 1) % 3]);
+                let middle = lerp(self.mesh.positions[a as usize], self.mesh.positions[b as usize], 0.5);
+                let point = on_face(patch, self.source[t], middle);
+                if length(k) <= LONG * wanted(&point) || self.mesh.is_boundary(a, b) || self.mesh.is_crease(a, b) {
+                    continue;
+                }
+                let (p, q) = (self.mesh.uv[a as usize], self.mesh.uv[b as usize]);
+                let uv = [0.5 * (p[0] + q[0]), 0.5 * (p[1] + q[1])];
+                let m = self.mesh.add_vertex(uv, middle, point, VertexOrigin::Interior);
+                self.split(a, b, m);
+            }
+            if self.mesh.triangles.len() == before {
+                break;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Barycentric coordinates of a point of a face.
+fn on_face(patch: &Patch, face: u32, p: Vec3) -> SurfacePoint {
+    let [a, b, c] = patch.triangles[face as usize].map(|v| patch.positions[v as usize]);
+    let normal = area_vector_twice(a, b, c);
+    let weight = |x: Vec3, y: Vec3| dot(area_vector_twice(x, y, p), normal).max(0.0);
+    let w = [weight(b, c), weight(c, a), weight(a, b)];
+    let sum = w[0] + w[1] + w[2];
+    let barycentric = if sum > 0.0 { w.map(|x| x / sum) } else { [1.0, 0.0, 0.0] };
+    SurfacePoint { face, barycentric }
 }
 
 /// Removes the extra vertices of an outline from a finished planar mesh.
@@ -211,7 +241,7 @@ pub(super) fn from_patch(
         barycentric[(h % 3) as usize] = 1.0;
         SurfacePoint { face: topology.face(h), barycentric }
     };
-    let mut mesh = Flexible {
+    let mesh = Flexible {
         uv: uv.to_vec(),
         positions: patch.positions.clone(),
         points: (0..count as u32).map(on_corner).collect(),
@@ -220,6 +250,7 @@ pub(super) fn from_patch(
         ..Flexible::default()
     }
     .index();
+    let mut pieces = Pieces { mesh, source: (0..patch.triangles.len() as u32).collect() };
     let mut is_free = vec![true; count];
     let mut is_point = vec![false; count];
     for curve in curves {
@@ -228,13 +259,13 @@ pub(super) fn from_patch(
         path.iter().for_each(|&v| is_free[v as usize] = false);
         for (i, v) in [(0, path[0]), (last, path[path.len() - 1])] {
             if !std::mem::replace(&mut is_point[v as usize], true) {
-                mesh.origins[v as usize] = VertexOrigin::Curve { curve: curve.curve, point: i as u32 };
-                mesh.positions[v as usize] = curve.mesh.points[i].position;
+                pieces.mesh.origins[v as usize] = VertexOrigin::Curve { curve: curve.curve, point: i as u32 };
+                pieces.mesh.positions[v as usize] = curve.mesh.points[i].position;
             }
         }
         let is_inner = edge_between(topology, path[0], path[1]).is_some_and(|h| topology.twin(h).is_some());
         if is_inner {
-            mesh.creases.extend(path.windows(2).map(|w| (w[0].min(w[1]), w[0].max(w[1]))));
+            pieces.mesh.creases.extend(path.windows(2).map(|w| (w[0].min(w[1]), w[0].max(w[1]))));
         }
         let mut from = (u32::MAX, 0u32);
         for (i, p) in curve.mesh.points.iter().enumerate().take(last).skip(1) {
@@ -243,7 +274,7 @@ pub(super) fn from_patch(
             let start = if from.0 == p.segment { from.1 } else { a };
             let (x, y) = (uv[a as usize], uv[b as usize]);
             let place = [x[0] + p.t * (y[0] - x[0]), x[1] + p.t * (y[1] - x[1])];
-            let face = mesh.along(start, b).first().copied();
+            let face = pieces.mesh.along(start, b).first().copied();
             let home = edge_between(topology, a, b).map_or(on_corner(a), |h| {
                 let k = (h % 3) as usize;
                 let s = if topology.origin(h) == a { p.t } else { 1.0 - p.t };
@@ -255,8 +286,8 @@ pub(super) fn from_patch(
             if face.is_none() {
                 return Err(EngineError::invariant(format!("curve {} leaves the patch", curve.curve)));
             }
-            let m = mesh.add_vertex(place, p.position, home, VertexOrigin::Curve { curve: curve.curve, point: i as u32 });
-            mesh.split(start, b, m);
+            let m = pieces.mesh.add_vertex(place, p.position, home, VertexOrigin::Curve { curve: curve.curve, point: i as u32 });
+            pieces.split(start, b, m);
             from = (p.segment, m);
         }
     }
@@ -265,10 +296,14 @@ pub(super) fn from_patch(
         let t = patch.triangles[p.face as usize];
         (0..3).map(|k| p.barycentric[k] * vertex_size[t[k] as usize]).sum::<f64>()
     };
-    let mut reducer = Reducer { patch, locator, mesh };
+    pieces.refine(patch, &wanted, work)?;
+    is_free.resize(count.max(pieces.mesh.positions.len()), false);
+    for v in count..pieces.mesh.positions.len() {
+        is_free[v] = pieces.mesh.origins[v] == VertexOrigin::Interior;
+    }
+    let mut reducer = Reducer { patch, locator, mesh: pieces.mesh };
     reducer.coarsen(&is_free, &wanted, work)?;
     reducer.remove_all(surplus.into_iter(), work)?;
     reducer.coarsen(&is_free, &wanted, work)?;
-    reducer.refine(&wanted, work)?;
     Ok(reducer.finish())
 }

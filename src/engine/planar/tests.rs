@@ -179,3 +179,145 @@ fn sizes_far_above_the_patch_deliver() {
         }
     }
 }
+
+#[test]
+fn stereographic_cap_has_even_triangles_in_space() {
+    // The plane's unit disc onto the upper half sphere: conformal, scale 2 / (1 + r^2).
+    let sphere = |p: Vec2| {
+        let r = p[0] * p[0] + p[1] * p[1];
+        [2.0 * p[0] / (1.0 + r), 2.0 * p[1] / (1.0 + r), (1.0 - r) / (1.0 + r)]
+    };
+    let (patch, uv) = polar(40, 120, 0.0, 1.0, &sphere);
+    let size = 0.06;
+    let sizes = vec![size; uv.len()];
+    let (planar, lifted) = meshed(&patch, &uv, &loop_curves(&patch, &sizes), &sizes);
+    assert_counter_clockwise(&planar);
+    let (kappa, edge) = (mean_kappa(&lifted), mean_edge_over(&lifted, &|_| size));
+    assert!(kappa > 0.975 && (0.92..1.05).contains(&edge), "kappa {kappa} edge {edge}");
+}
+
+#[test]
+fn strong_change_of_scale_is_followed() {
+    // w = exp(z) on an annulus of radii 0.02 to 1 comes from a cylinder: scale 1 / r, fifty to one.
+    let cylinder = |p: Vec2| {
+        let (r, a) = (p[0].hypot(p[1]), p[1].atan2(p[0]));
+        [a.cos(), a.sin(), -r.ln()]
+    };
+    let uv_of = |i: usize, j: usize| {
+        let (z, a) = (-50f64.ln() * (1.0 - i as f64 / 60.0), std::f64::consts::TAU * (j as f64 + 0.5 * (i % 2) as f64) / 100.0);
+        [z.exp() * a.cos(), z.exp() * a.sin()]
+    };
+    let (mut patch, mut uv) = polar(60, 100, 0.02, 1.0, &flat);
+    for i in 0..=60 {
+        for j in 0..100 {
+            uv[i * 100 + j] = uv_of(i, j);
+            patch.positions[i * 100 + j] = cylinder(uv[i * 100 + j]);
+        }
+    }
+    let size = 0.15;
+    let sizes = vec![size; uv.len()];
+    let (planar, lifted) = meshed(&patch, &uv, &loop_curves(&patch, &sizes), &sizes);
+    assert_counter_clockwise(&planar);
+    let (kappa, edge) = (mean_kappa(&lifted), mean_edge_over(&lifted, &|_| size));
+    assert!(kappa > 0.96 && (0.9..1.08).contains(&edge), "kappa {kappa} edge {edge}");
+}
+
+#[test]
+fn stretched_chart_is_undone_by_the_metric() {
+    // The chart is three times wider than the surface: far from conformal.
+    let (mut patch, uv) = polar(20, 80, 0.0, 1.0, &flat);
+    patch.positions.iter_mut().for_each(|p| p[0] /= 3.0);
+    let size = 0.04;
+    let sizes = vec![size; uv.len()];
+    let (_, lifted) = meshed(&patch, &uv, &loop_curves(&patch, &sizes), &sizes);
+    let (kappa, edge) = (mean_kappa(&lifted), mean_edge_over(&lifted, &|_| size));
+    assert!(kappa > 0.96 && (0.9..1.1).contains(&edge), "kappa {kappa} edge {edge}");
+}
+
+#[test]
+fn graded_sizes_are_met() {
+    let (patch, uv) = polar(40, 120, 0.0, 1.0, &flat);
+    let wanted = |p: Vec3| 0.01 + 0.1 * ((p[0] - 0.3).hypot(p[1]));
+    let sizes: Vec<f64> = patch.positions.iter().map(|p| wanted(*p)).collect();
+    let (planar, lifted) = meshed(&patch, &uv, &loop_curves(&patch, &sizes), &sizes);
+    assert_counter_clockwise(&planar);
+    let (kappa, edge) = (mean_kappa(&lifted), mean_edge_over(&lifted, &wanted));
+    assert!(kappa > 0.95 && (0.9..1.1).contains(&edge), "kappa {kappa} edge {edge}");
+}
+
+/// A disc with a feature along the negative and positive x axis between the radii of two rings.
+fn with_inner_feature(size: f64) -> (Patch, Vec<Vec2>, Vec<(Vec<u32>, CurveMesh)>, Vec<f64>) {
+    let (patch, uv) = polar(16, 48, 0.0, 1.0, &flat);
+    let sizes = vec![size; uv.len()];
+    let mut curves = loop_curves(&patch, &sizes);
+    // Rings of even number start at angle 0; odd ones half a sector later: a zigzag along the axis.
+    let path: Vec<u32> = (0..12).map(|i| if i == 0 { 0 } else { 1 + (i - 1) * 48 }).collect();
+    let polyline = CurvePolyline {
+        points: path.iter().map(|&v| patch.positions[v as usize]).collect(),
+        sizes: vec![size; path.len()],
+        closed: false,
+        kind: CurveKind::Feature,
+        min_edges: 1,
+    };
+    let cancel = CancelToken::new();
+    let mesh = mesh_curve(&polyline, &Work::silent(&cancel)).unwrap();
+    curves.push((path, mesh));
+    (patch, uv, curves, sizes)
+}
+
+#[test]
+fn features_inside_a_patch_are_edges() {
+    for size in [0.04, 0.2, 0.7, 5.0] {
+        let (patch, uv, curves, sizes) = with_inner_feature(size);
+        meshed(&patch, &uv, &curves, &sizes);
+    }
+}
+
+#[test]
+fn a_useless_chart_still_delivers() {
+    for size in [0.05, 0.3, 10.0] {
+        let (patch, uv, curves, sizes) = with_inner_feature(size);
+        // Folded, then collapsed to a point.
+        let folded: Vec<Vec2> = uv.iter().map(|p| [p[0].abs(), p[1]]).collect();
+        let (_, lifted) = meshed(&patch, &folded, &curves, &sizes);
+        assert!(mean_kappa(&lifted) > 0.5);
+        meshed(&patch, &vec![[0.0; 2]; uv.len()], &curves, &sizes);
+    }
+}
+
+#[test]
+fn narrow_winding_strip_delivers_at_any_size() {
+    // A sine-shaped band of width 0.1: chords cut it at every bend when the size is large.
+    let (n, m) = (200usize, 4usize);
+    let uv: Vec<Vec2> = (0..=n)
+        .flat_map(|i| (0..=m).map(move |j| (i as f64 * 0.05, j as f64 * 0.025)))
+        .map(|(x, y)| [x, y + (3.0 * x).sin()])
+        .collect();
+    let at = |i: usize, j: usize| (i * (m + 1) + j) as u32;
+    let mut triangles = Vec::new();
+    for (i, j) in (0..n).flat_map(|i| (0..m).map(move |j| (i, j))) {
+        triangles.extend([[at(i, j), at(i + 1, j), at(i, j + 1)], [at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]]);
+    }
+    let mut ring: Vec<u32> = (0..n).map(|i| at(i, 0)).collect();
+    ring.extend((0..m).map(|j| at(n, j)));
+    ring.extend((1..=n).rev().map(|i| at(i, m)));
+    ring.extend((1..=m).rev().map(|j| at(0, j)));
+    let patch = Patch { positions: uv.iter().map(|p| flat(*p)).collect(), triangles, loops: vec![ring] };
+    for size in [0.05, 0.3, 0.7, 1.3, 4.0, 50.0] {
+        let sizes = vec![size; uv.len()];
+        let curves = loop_curves(&patch, &sizes);
+        meshed(&patch, &uv, &curves, &sizes);
+    }
+}
+
+#[test]
+fn equal_input_gives_equal_output_and_cancelling_stops() {
+    let (patch, uv) = polar(20, 80, 0.0, 1.0, &flat);
+    let sizes = vec![0.03; uv.len()];
+    let curves = loop_curves(&patch, &sizes);
+    assert_eq!(meshed(&patch, &uv, &curves, &sizes), meshed(&patch, &uv, &curves, &sizes));
+    let cancel = CancelToken::new();
+    cancel.cancel();
+    let stopped = mesh_chart(&patch, &chart(uv), &uses(&curves), &sizes, Mesher::Frontal, &Work::silent(&cancel));
+    assert_eq!(stopped.unwrap_err().reason(), crate::error::Reason::Cancelled);
+}
