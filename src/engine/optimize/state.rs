@@ -15,9 +15,9 @@ const SAG: f64 = 0.1;
 /// Faces of lower kappa have no normal to rely on.
 const FLAT: f64 = 0.02;
 /// A star with a face whose normal has a lower cosine with that of the whole star is bent.
-const BENT: f64 = 0.87;
+const BENT: f64 = 0.94;
 /// Curve vertices may be dropped when the curve moves by no more than this, in local sizes.
-const CURVE_SAG: f64 = 0.03;
+const CURVE_SAG: f64 = 0.04;
 
 /// What is being optimised.
 pub(super) struct State<'a> {
@@ -280,9 +280,35 @@ impl<'a> State<'a> {
         let before = self.curve_neighbours(a).into_iter().find(|&v| v != b);
         let Some(before) = before else { return false };
         let (p, q, r) = (self.mesh.at(before), self.mesh.at(b), self.mesh.at(a));
-        let along = sub(q, p);
-        let t = (dot(sub(r, p), along) / dot(along, along).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-        distance(r, lerp(p, q, t)) <= most
+        distance_to_segment(r, p, q) <= most
+    }
+
+    /// Where a curve vertex may slide along its curve, cutting off no more of it than allowed, with the least kappa around it then.
+    pub(super) fn slides(&self, v: u32) -> Vec<(f64, Foot)> {
+        let ends = self.curve_neighbours(v);
+        let (&[a, b], VertexClass::Curve) = (ends.as_slice(), self.mesh.class[v as usize]) else { return Vec::new() };
+        let p = self.mesh.at(v);
+        let mut found = Vec::new();
+        for (to, back) in [(a, b), (b, a)] {
+            for share in [0.1, 0.2, 0.3, 0.45] {
+                let x = lerp(p, self.mesh.at(to), share);
+                if distance_to_segment(p, self.mesh.at(back), x) > CURVE_SAG * self.size[v as usize] {
+                    break;
+                }
+                let mut least = 1f64;
+                let fine = self.mesh.around(v).all(|h| {
+                    let (y, z) = (self.mesh.to(h), self.mesh.apex(h));
+                    let (q, r) = (self.mesh.at(y), self.mesh.at(z));
+                    least = least.min(kappa(x, q, r));
+                    self.keeps_looking(y, [p, q, r], [x, q, r])
+                });
+                if fine {
+                    let foot = self.input.walk(x, self.foot[v as usize]);
+                    found.push((least, Foot { position: x, ..foot }));
+                }
+            }
+        }
+        found
     }
 
     /// The vertices joined to a vertex by curve edges.
@@ -355,6 +381,13 @@ impl<'a> State<'a> {
 pub(super) fn cosine(a: Vec3, b: Vec3) -> f64 {
     let n = dot(a, a) * dot(b, b);
     if n > 0.0 { dot(a, b) / n.sqrt() } else { -1.0 }
+}
+
+/// Distance of `r` from the segment `p q`.
+fn distance_to_segment(r: Vec3, p: Vec3, q: Vec3) -> f64 {
+    let along = sub(q, p);
+    let t = (dot(sub(r, p), along) / dot(along, along).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+    distance(r, lerp(p, q, t))
 }
 
 /// The part of a vector at right angles to a unit vector.
