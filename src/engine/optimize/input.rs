@@ -128,6 +128,15 @@ impl<'a> Input<'a> {
         }
     }
 
+    /// Squared distance of a point from the whole surface, given that of its foot, if that is above `small`; else the latter. A walk may
+    /// end too early, and then says too much.
+    pub(super) fn true_distance_squared(&self, p: Vec3, foot: &Foot, small: f64) -> f64 {
+        if foot.distance_squared <= small * small {
+            return foot.distance_squared;
+        }
+        self.bvh.closest_below(p, foot.distance_squared, 0.0).map_or(foot.distance_squared, |hit| hit.distance_squared)
+    }
+
     /// Normal of the face.
     pub(super) fn face_normal(&self, foot: &Foot) -> Vec3 {
         self.face_normal[foot.face as usize]
