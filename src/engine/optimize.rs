@@ -132,3 +132,6 @@ fn finish(input: &SurfaceMesh, state: &State<'_>) -> Remeshed {
     remeshed.mesh = SurfaceMesh { positions, triangles, face_region, regions: input.regions.clone(), unit: input.unit };
     remeshed
 }
+
+#[cfg(test)]
+mod tests;

@@ -56,7 +56,7 @@ fn improve(state: &mut State<'_>, f: u32, touched: &mut Vec<u32>) -> bool {
     let edges = [3 * f, 3 * f + 1, 3 * f + 2];
     let corners = state.mesh.corners(f);
     try_flips(state, edges, touched)
-        || corners.iter().any(|&v| move_vertex(state, v, touched))
+        || corners.iter().any(|&v| move_vertex(state, v, touched) || slide_vertex(state, v, touched))
         || try_collapses(state, edges, touched)
         || try_splits(state, edges, touched)
 }
@@ -120,6 +120,19 @@ fn try_splits(state: &mut State<'_>, edges: [u32; 3], touched: &mut Vec<u32>) ->
             true
         }
         None => false,
+    }
+}
+
+/// Slides a curve vertex along its curve to where the least kappa of its star is highest.
+fn slide_vertex(state: &mut State<'_>, v: u32, touched: &mut Vec<u32>) -> bool {
+    let best = state.slides(v).into_iter().max_by(|x, y| x.0.total_cmp(&y.0));
+    match best {
+        Some((least, foot)) if least > state.star_kappa(v) + GAIN => {
+            state.place(v, &foot);
+            touched.push(v);
+            true
+        }
+        _ => false,
     }
 }
 

@@ -28,6 +28,9 @@ pub(super) struct Input<'a> {
 /// Steps of a walk before it gives up; a walk moves less than an element, across a few input faces.
 const MOST_STEPS: usize = 200;
 
+/// Coordinates below this are 0.
+const NOTHING: f64 = 1e-60;
+
 impl<'a> Input<'a> {
     pub(super) fn new(mesh: &'a SurfaceMesh, bvh: &'a TriangleBvh, sizes: &'a SizeField) -> Self {
         let mut first = vec![0u32; mesh.positions.len() + 1];
@@ -57,6 +60,8 @@ impl<'a> Input<'a> {
 
     fn on_face(&self, p: Vec3, face: u32) -> Foot {
         let (position, barycentric) = closest_on_triangle(p, &self.mesh.corners(face as usize));
+        // Traces of rounding near 0 would underflow in products later.
+        let position = position.map(|x| if x.abs() < NOTHING { 0.0 } else { x });
         let offset = sub(p, position);
         Foot { face, position, barycentric, distance_squared: dot(offset, offset) }
     }
@@ -121,6 +126,15 @@ impl<'a> Input<'a> {
             Some(hit) if dot(self.face_normal[hit.face as usize], self.normal(&foot)) > 0.3 => self.on_face(p, hit.face),
             _ => foot,
         }
+    }
+
+    /// Squared distance of a point from the whole surface, given that of its foot, if that is above `small`; else the latter. A walk may
+    /// end too early, and then says too much.
+    pub(super) fn true_distance_squared(&self, p: Vec3, foot: &Foot, small: f64) -> f64 {
+        if foot.distance_squared <= small * small {
+            return foot.distance_squared;
+        }
+        self.bvh.closest_below(p, foot.distance_squared, 0.0).map_or(foot.distance_squared, |hit| hit.distance_squared)
     }
 
     /// Normal of the face.

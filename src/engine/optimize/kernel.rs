@@ -28,11 +28,13 @@ pub(super) struct Kernel {
     clock: u32,
 }
 
+/// Next halfedge in the face.
 #[inline]
 pub(super) fn next(h: u32) -> u32 {
     if h % 3 == 2 { h - 2 } else { h + 1 }
 }
 
+/// Previous halfedge in the face.
 #[inline]
 pub(super) fn prev(h: u32) -> u32 {
     if h % 3 == 0 { h + 2 } else { h - 1 }
@@ -303,8 +305,11 @@ impl Kernel {
         for side in [Some(h), t].into_iter().flatten() {
             let c = self.apex(side);
             let left = if self.is_boundary_vertex(c) { 2 } else { 3 };
-            // Two curve edges must not become one, nor a boundary vertex lose its last face.
-            if self.valence(c) <= left || (self.is_on_curve(next(side)) && self.is_on_curve(prev(side))) {
+            // A boundary vertex must not lose its last face, nor two curve edges become one, unless the vertex that goes is one of
+            // the curve between them: then its face is the sliver between two curves.
+            let merges = self.is_on_curve(next(side)) && self.is_on_curve(prev(side));
+            let sliver = self.is_on_curve(h) && !self.is_boundary_vertex(a);
+            if self.valence(c) <= left || (merges && !sliver) {
                 return false;
             }
         }
@@ -372,5 +377,95 @@ impl Kernel {
     /// The faces that are left, in order.
     pub(super) fn faces_left(&self) -> impl Iterator<Item = u32> + '_ {
         (0..self.face_slots()).filter(|&f| self.is_face(f))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An open square grid with a curve along its first row of inner edges.
+    fn grid(n: u32) -> Kernel {
+        let mut mesh = Assembled::default();
+        for j in 0..=n {
+            for i in 0..=n {
+                mesh.positions.push([f64::from(i), f64::from(j), 0.0]);
+                let rim = i == 0 || j == 0 || i == n || j == n;
+                mesh.vertex_class.push(if rim || j == 1 { VertexClass::Curve } else { VertexClass::Free });
+            }
+        }
+        let at = |i: u32, j: u32| j * (n + 1) + i;
+        for j in 0..n {
+            for i in 0..n {
+                mesh.triangles.push([at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
+                mesh.triangles.push([at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
+            }
+        }
+        mesh.curve_edges = (0..n).map(|i| [at(i, 1), at(i + 1, 1)]).collect();
+        mesh.face_patch = vec![0; mesh.triangles.len()];
+        mesh.face_region = mesh.face_patch.clone();
+        Kernel::new(&mesh).unwrap()
+    }
+
+    /// Twins, marks and remembered halfedges agree, and the surface is a disc.
+    fn check(kernel: &Kernel) {
+        let mut triangles = Vec::new();
+        for f in kernel.faces_left() {
+            triangles.push(kernel.corners(f));
+            for h in 3 * f..3 * f + 3 {
+                if let Some(t) = kernel.twin(h) {
+                    assert_eq!((kernel.twin(t), kernel.from(t), kernel.to(t)), (Some(h), kernel.to(h), kernel.from(h)));
+                    assert_eq!(kernel.is_on_curve(h), kernel.is_on_curve(t));
+                } else {
+                    assert!(kernel.is_on_curve(h));
+                }
+            }
+        }
+        let topology = Topology::build(&triangles, kernel.vertex_slots() as usize).unwrap();
+        assert_eq!(topology.totals(), (1, 0, 1, 1));
+        for v in (0..kernel.vertex_slots()).filter(|&v| kernel.is_vertex(v)) {
+            let mut ring: Vec<u32> = kernel.around(v).map(|h| h / 3).collect();
+            assert!(kernel.around(v).all(|h| kernel.from(h) == v));
+            assert_eq!(ring.len(), topology.outgoing(v).count());
+            assert_eq!(kernel.is_boundary_vertex(v), topology.is_boundary_vertex(v));
+            ring.sort_unstable();
+            ring.dedup();
+            assert_eq!(kernel.neighbours(v).count() as u32, kernel.valence(v));
+            assert_eq!(ring.len() as u32 + u32::from(kernel.is_boundary_vertex(v)), kernel.valence(v));
+        }
+    }
+
+    #[test]
+    fn random_operations_keep_a_disc_with_its_curve() {
+        let mut kernel = grid(6);
+        let mut state = 12345u64;
+        let mut counts = [0; 3];
+        for step in 0..600 {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            let h = (state >> 33) as u32 % (3 * kernel.face_slots());
+            if !kernel.is_face(h / 3) {
+                continue;
+            }
+            match (state >> 20) % 3 {
+                0 if kernel.can_flip(h) => {
+                    counts[0] += 1;
+                    kernel.flip(h);
+                }
+                1 if step < 300 => {
+                    counts[1] += 1;
+                    kernel.split(h, [0.5; 3]);
+                }
+                2 if kernel.can_collapse(h) => {
+                    counts[2] += 1;
+                    kernel.collapse(h);
+                }
+                _ => {}
+            }
+            check(&kernel);
+        }
+        assert!(counts.iter().all(|c| *c > 30), "{counts:?}");
+        // The curve still joins the two ends it had (vertices 7 and 13, which are on the boundary).
+        let marked = (0..3 * kernel.face_slots()).filter(|&h| kernel.is_face(h / 3) && kernel.is_on_curve(h) && !kernel.is_boundary(h));
+        assert!(marked.count() >= 2);
     }
 }

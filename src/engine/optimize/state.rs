@@ -15,9 +15,14 @@ const SAG: f64 = 0.1;
 /// Faces of lower kappa have no normal to rely on.
 const FLAT: f64 = 0.02;
 /// A star with a face whose normal has a lower cosine with that of the whole star is bent.
-const BENT: f64 = 0.87;
+const BENT: f64 = 0.94;
 /// Curve vertices may be dropped when the curve moves by no more than this, in local sizes.
-const CURVE_SAG: f64 = 0.03;
+const CURVE_SAG: f64 = 0.04;
+
+/// The same for features beside a face of lower kappa than [`NEEDLE`].
+const CURVE_SAG_AT_NEEDLES: f64 = 0.085;
+/// Kappa of faces to get rid of even where that moves a feature a little.
+const NEEDLE: f64 = 0.3;
 
 /// What is being optimised.
 pub(super) struct State<'a> {
@@ -83,6 +88,13 @@ impl<'a> State<'a> {
         self.input.walk(lerp(p, q, 0.5), self.foot[from as usize]).distance_squared.sqrt()
     }
 
+    /// The same for a segment of the mesh as it is, not overestimated.
+    fn present_sag(&self, from: u32, p: Vec3, q: Vec3) -> f64 {
+        let x = lerp(p, q, 0.5);
+        let foot = self.input.walk(x, self.foot[from as usize]);
+        self.input.true_distance_squared(x, &foot, SAG * self.size[from as usize]).sqrt()
+    }
+
     /// Whether the face with these corners, the first of which is near vertex `near`, looks the way of the input.
     fn agrees(&self, near: u32, corners: [Vec3; 3]) -> bool {
         let foot = self.input.walk(middle(corners), self.foot[near as usize]);
@@ -137,7 +149,7 @@ impl<'a> State<'a> {
         }
         let flat = kappa(a, b, c).min(kappa(b, a, d)) < FLAT;
         if flat || cosine(m, n) < 0.97 || cosine(p, q) < 0.97 {
-            let (now, then) = (self.sag(ends[0], a, b), self.sag(ends[2], c, d));
+            let (now, then) = (self.present_sag(ends[0], a, b), self.sag(ends[2], c, d));
             let local = self.size[ends[2] as usize];
             if then > (SAG * local).max(now) {
                 return false;
@@ -180,6 +192,13 @@ impl<'a> State<'a> {
             let shape = (0.3 * kappa(x, y, z)).min(0.1);
             let fine = |new: [Vec3; 3]| kappa(new[0], new[1], new[2]) >= shape && self.keeps_looking(a, [x, y, z], new);
             if ![[x, p, z], [p, y, z]].into_iter().all(fine) {
+                return None;
+            }
+            // The new edge to the apex must not cut a crest deeper than the faces it replaces.
+            let bent =
+                [[x, p, z], [p, y, z]].into_iter().any(|n| cosine(area_vector_twice(n[0], n[1], n[2]), area_vector_twice(x, y, z)) < BENT);
+            let local = self.size[a as usize];
+            if bent && self.sag(a, p, z) > (SAG * local).max(distance(p, at)) {
                 return None;
             }
         }
@@ -246,7 +265,9 @@ impl<'a> State<'a> {
         }
         let (a, b) = (self.mesh.from(h), self.mesh.to(h));
         let local = 0.5 * (self.size[a as usize] + self.size[b as usize]);
-        if self.mesh.is_on_curve(h) && !self.curve_stays(h, CURVE_SAG * local) {
+        let worst = self.kappa(h / 3).min(self.mesh.twin(h).map_or(1.0, |t| self.kappa(t / 3)));
+        let allowed = if worst < NEEDLE && !self.mesh.is_boundary_vertex(a) { CURVE_SAG_AT_NEEDLES } else { CURVE_SAG };
+        if self.mesh.is_on_curve(h) && !self.curve_stays(h, allowed * local) {
             return false;
         }
         let star = self.collapse_star(h, foot.position);
@@ -257,8 +278,9 @@ impl<'a> State<'a> {
             }
             let (m, n) = (area_vector_twice(old[0], old[1], old[2]), area_vector_twice(new[0], new[1], new[2]));
             let c = cosine(m, n);
-            let (now, then) = (self.sag(*outer, old[0], old[1]), self.sag(*outer, new[0], new[1]));
-            if then > (SAG * local).max(now) || (c < 0.9 && !self.agrees(*outer, *new)) {
+            let then = self.sag(*outer, new[0], new[1]);
+            let too_far = then > SAG * local && then > self.present_sag(*outer, old[0], old[1]);
+            if too_far || (c < 0.9 && !self.agrees(*outer, *new)) {
                 return false;
             }
             let near = crate::bvh::closest_on_triangle(self.mesh.at(a), new).0;
@@ -280,9 +302,35 @@ impl<'a> State<'a> {
         let before = self.curve_neighbours(a).into_iter().find(|&v| v != b);
         let Some(before) = before else { return false };
         let (p, q, r) = (self.mesh.at(before), self.mesh.at(b), self.mesh.at(a));
-        let along = sub(q, p);
-        let t = (dot(sub(r, p), along) / dot(along, along).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-        distance(r, lerp(p, q, t)) <= most
+        distance_to_segment(r, p, q) <= most
+    }
+
+    /// Where a curve vertex may slide along its curve, cutting off no more of it than allowed, with the least kappa around it then.
+    pub(super) fn slides(&self, v: u32) -> Vec<(f64, Foot)> {
+        let ends = self.curve_neighbours(v);
+        let (&[a, b], VertexClass::Curve) = (ends.as_slice(), self.mesh.class[v as usize]) else { return Vec::new() };
+        let p = self.mesh.at(v);
+        let mut found = Vec::new();
+        for (to, back) in [(a, b), (b, a)] {
+            for share in [0.1, 0.2, 0.3, 0.45] {
+                let x = lerp(p, self.mesh.at(to), share);
+                if distance_to_segment(p, self.mesh.at(back), x) > CURVE_SAG * self.size[v as usize] {
+                    break;
+                }
+                let mut least = 1f64;
+                let fine = self.mesh.around(v).all(|h| {
+                    let (y, z) = (self.mesh.to(h), self.mesh.apex(h));
+                    let (q, r) = (self.mesh.at(y), self.mesh.at(z));
+                    least = least.min(kappa(x, q, r));
+                    self.keeps_looking(y, [p, q, r], [x, q, r])
+                });
+                if fine {
+                    let foot = self.input.walk(x, self.foot[v as usize]);
+                    found.push((least, Foot { position: x, ..foot }));
+                }
+            }
+        }
+        found
     }
 
     /// The vertices joined to a vertex by curve edges.
@@ -309,12 +357,16 @@ impl<'a> State<'a> {
 
     /// Largest distance from the input to the middles of the edges and faces around a vertex, were it at `p`.
     pub(super) fn star_sag(&self, v: u32, p: Vec3) -> f64 {
+        self.largest_sag(v, p, |_, foot| foot.distance_squared)
+    }
+
+    fn largest_sag(&self, v: u32, p: Vec3, distance_squared: impl Fn(Vec3, &Foot) -> f64) -> f64 {
         let from = self.foot[v as usize];
         let mut largest = 0f64;
         for h in self.mesh.around(v) {
             let (q, r) = (self.mesh.at(self.mesh.to(h)), self.mesh.at(self.mesh.apex(h)));
             for x in [lerp(p, q, 0.5), middle([p, q, r])] {
-                largest = largest.max(self.input.walk(x, from).distance_squared);
+                largest = largest.max(distance_squared(x, &self.input.walk(x, from)));
             }
         }
         largest.sqrt()
@@ -322,7 +374,13 @@ impl<'a> State<'a> {
 
     /// The sag a move of a vertex must not exceed; `None` where the star is flat enough for any move.
     pub(super) fn sag_limit(&self, v: u32, normal: Vec3) -> Option<f64> {
-        self.is_bent(v, normal).then(|| self.star_sag(v, self.mesh.at(v)).max(0.5 * SAG * self.size[v as usize]))
+        self.is_bent(v, normal).then(|| self.present_star_sag(v).max(0.5 * SAG * self.size[v as usize]))
+    }
+
+    /// [`State::star_sag`] of the star as it is, not overestimated.
+    pub(super) fn present_star_sag(&self, v: u32) -> f64 {
+        let small = 0.5 * SAG * self.size[v as usize];
+        self.largest_sag(v, self.mesh.at(v), |x, foot| self.input.true_distance_squared(x, foot, small))
     }
 
     /// Whether the star of a vertex moved to `p` keeps the way its faces look; the least kappa then.
@@ -355,6 +413,13 @@ impl<'a> State<'a> {
 pub(super) fn cosine(a: Vec3, b: Vec3) -> f64 {
     let n = dot(a, a) * dot(b, b);
     if n > 0.0 { dot(a, b) / n.sqrt() } else { -1.0 }
+}
+
+/// Distance of `r` from the segment `p q`.
+fn distance_to_segment(r: Vec3, p: Vec3, q: Vec3) -> f64 {
+    let along = sub(q, p);
+    let t = (dot(sub(r, p), along) / dot(along, along).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+    distance(r, lerp(p, q, t))
 }
 
 /// The part of a vector at right angles to a unit vector.

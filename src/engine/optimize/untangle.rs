@@ -219,10 +219,12 @@ fn shift(state: &mut State<'_>, place: &Place, v: u32, reach: Reach) -> bool {
             }
         }
     }
+    let deepest = state.present_star_sag(v).max(0.1 * size);
     for foot in feet {
         let new: Vec<Corners> =
             state.mesh.around(v).map(|h| [foot.position, state.mesh.at(state.mesh.to(h)), state.mesh.at(state.mesh.apex(h))]).collect();
-        if state.star_at(v, foot.position, normal).is_some() && place.saves(&state.mesh, &gone, &new) {
+        let stays = state.star_at(v, foot.position, normal).is_some() && state.star_sag(v, foot.position) <= deepest;
+        if stays && place.saves(&state.mesh, &gone, &new) {
             state.place(v, &foot);
             return true;
         }

@@ -61,8 +61,14 @@ fn sign3(a: Vec3, b: Vec3, c: Vec3, d: Vec3) -> i8 {
     i8::from(v > 0.0) - i8::from(v < 0.0)
 }
 
+/// The predicates are exact unless products underflow; coordinates that small are taken for 0.
 fn coord(p: Vec3) -> Coord3D<f64> {
-    Coord3D { x: p[0], y: p[1], z: p[2] }
+    let [x, y, z] = p.map(flush);
+    Coord3D { x, y, z }
+}
+
+fn flush(x: f64) -> f64 {
+    if x.abs() < 1e-90 { 0.0 } else { x }
 }
 
 /// Two axes onto which a triangle projects well; exact tests stay exact, whichever plane is taken, unless it projects to a line.
@@ -79,7 +85,7 @@ fn plane_of(t: &[Vec3; 3]) -> [usize; 2] {
 }
 
 fn sign2([i, j]: [usize; 2], a: Vec3, b: Vec3, c: Vec3) -> i8 {
-    let at = |p: Vec3| Coord { x: p[i], y: p[j] };
+    let at = |p: Vec3| Coord { x: flush(p[i]), y: flush(p[j]) };
     let v = orient2d(at(a), at(b), at(c));
     i8::from(v > 0.0) - i8::from(v < 0.0)
 }

@@ -196,7 +196,7 @@ fn faces_that_meet_in_more_than_they_share() {
         }
     };
     check([[0.2, 0.2, -1.0], [0.3, 0.2, 1.0], [0.2, 0.3, 1.0]], true);
-    check([[0.2, 0.2, 1e-300], [0.3, 0.2, 1.0], [0.2, 0.3, 1.0]], false);
+    check([[0.2, 0.2, 1e-80], [0.3, 0.2, 1.0], [0.2, 0.3, 1.0]], false);
     check([[0.2, 0.2, 0.0], [0.3, 0.2, 1.0], [0.2, 0.3, 1.0]], true); // touches with a corner
     check([[0.1, 0.1, 0.0], [0.2, 0.1, 0.0], [0.1, 0.2, 0.0]], true); // inside, in the plane
     check([[2.0, 0.0, 0.0], [3.0, 0.0, 0.0], [2.0, 1.0, 0.0]], false); // beside, in the plane
@@ -207,6 +207,7 @@ fn faces_that_meet_in_more_than_they_share() {
     check([o, [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]], false); // one corner
     check([o, [1.0, 1.0, -0.5], [1.0, 1.0, 0.5]], true); // one corner, through the face
     check([o, [0.25, 0.25, 0.0], [0.3, 0.25, 0.0]], true); // one corner, inside, in the plane
+    check([[2.0, 0.5, 1e-322], [3.0, 0.0, 0.0], [2.0, 1.0, -1e-322]], false); // beside, nearly in the plane
     check([y, o, x], false); // the same face again: a duplicate, told elsewhere
 }
 
