@@ -94,7 +94,9 @@ fn config_of(arguments: &Arguments) -> ServerConfig {
 }
 
 fn start_log(arguments: &Arguments) -> Result<(), String> {
-    let filter = EnvFilter::try_new(&arguments.log).map_err(|e| format!("--log {:?} is not a filter: {e}", arguments.log))?;
+    // The transport tells every frame at debug level; who wants that names it.
+    let directives = format!("h2=info,hyper_util=info,tower=info,{}", arguments.log);
+    let filter = EnvFilter::try_new(directives).map_err(|e| format!("--log {:?} is not a filter: {e}", arguments.log))?;
     let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
     match arguments.log_format {
         LogFormat::Text => log.with_ansi(std::io::stderr().is_terminal()).init(),
@@ -124,8 +126,7 @@ async fn stop_signal() {
 async fn run(arguments: &Arguments) -> Result<(), String> {
     // Caught from here on, so that a signal right after the start drains too.
     let stop = tokio::spawn(stop_signal());
-    let listener =
-        TcpListener::bind(arguments.listen).await.map_err(|error| format!("cannot listen on {}: {error}", arguments.listen))?;
+    let listener = TcpListener::bind(arguments.listen).await.map_err(|error| format!("cannot listen on {}: {error}", arguments.listen))?;
     let address = listener.local_addr().map_err(|error| format!("the socket has no address: {error}"))?;
     let config = config_of(arguments);
     tracing::info!(%address, threads = config.engine.threads, cache_mb = arguments.cache_mb, version = env!("CARGO_PKG_VERSION"), "listening");

@@ -357,4 +357,23 @@ mod tests {
         assert!(pool.permit(Intent::Long).await.is_ok());
         assert_eq!(pool.queued(), 0);
     }
+
+    #[tokio::test]
+    async fn a_panic_fails_one_call_only() {
+        let shared = Shared::new(crate::config::ServerConfig::default());
+        let begin = || Call::begin(&shared, "Test", &Request::new(())).expect("begins");
+        let status = begin().compute(Intent::Long, |_, _| -> EngineResult<()> { panic!("boom") }).await.expect_err("panicked");
+        assert_eq!(status.code(), tonic::Code::Internal);
+        assert!(!status.message().contains("boom"), "details are for the log only");
+        assert_eq!(begin().compute(Intent::Long, |_, _| Ok(7)).await.expect("goes on").into_inner(), 7);
+        assert_eq!((shared.pool.running(), shared.pool.calls().len()), (0, 0));
+    }
+
+    #[tokio::test]
+    async fn a_draining_server_refuses() {
+        let shared = Shared::new(crate::config::ServerConfig::default());
+        shared.pool.drain();
+        let status = Call::begin(&shared, "Test", &Request::new(())).map(drop).expect_err("refused");
+        assert_eq!(status.code(), tonic::Code::Unavailable);
+    }
 }

@@ -73,7 +73,8 @@ pub(crate) fn status_of(fault: &Fault) -> Status {
         },
     )];
     if parts.code == Code::InvalidArgument {
-        let violations: Vec<_> = parts.metadata.iter().filter(|(key, _)| key == "field").map(|(_, field)| violation(field, &parts)).collect();
+        let violations: Vec<_> =
+            parts.metadata.iter().filter(|(key, _)| key == "field").map(|(_, field)| violation(field, &parts)).collect();
         if !violations.is_empty() {
             details.push(any(BAD_REQUEST, &pb::BadRequest { field_violations: violations }));
         }

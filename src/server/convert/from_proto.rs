@@ -179,7 +179,11 @@ pub(crate) fn partition(spec: &v1::PartitionSpec) -> Result<PartitionSpec> {
 }
 
 fn positive(value: f64, field: &str) -> Result<()> {
-    if value > 0.0 && value.is_finite() { Ok(()) } else { Err(EngineError::bad_parameter(field, format!("{value} is not positive and finite"))) }
+    if value > 0.0 && value.is_finite() {
+        Ok(())
+    } else {
+        Err(EngineError::bad_parameter(field, format!("{value} is not positive and finite")))
+    }
 }
 
 /// Which charts.

@@ -266,11 +266,7 @@ fn features(spec: &FeatureSpec) -> v1::FeatureSpec {
 }
 
 fn partition(spec: &PartitionSpec) -> v1::PartitionSpec {
-    v1::PartitionSpec {
-        patches: spec.patches,
-        max_patch_faces: Some(spec.max_patch_faces),
-        max_aspect_ratio: Some(spec.max_aspect_ratio),
-    }
+    v1::PartitionSpec { patches: spec.patches, max_patch_faces: Some(spec.max_patch_faces), max_aspect_ratio: Some(spec.max_aspect_ratio) }
 }
 
 fn charts(spec: ChartSpec) -> v1::ChartSpec {

@@ -12,14 +12,8 @@ use tonic::{Request, Response, Status};
 #[derive(Debug, Clone)]
 pub(crate) struct Capabilities(pub(crate) Arc<Shared>);
 
-const READ: [v1::MeshFormat; 6] = [
-    v1::MeshFormat::Stl,
-    v1::MeshFormat::Obj,
-    v1::MeshFormat::Ply,
-    v1::MeshFormat::Off,
-    v1::MeshFormat::Msh,
-    v1::MeshFormat::Gltf,
-];
+const READ: [v1::MeshFormat; 6] =
+    [v1::MeshFormat::Stl, v1::MeshFormat::Obj, v1::MeshFormat::Ply, v1::MeshFormat::Off, v1::MeshFormat::Msh, v1::MeshFormat::Gltf];
 
 fn saturated(number: usize) -> u32 {
     u32::try_from(number).unwrap_or(u32::MAX)
@@ -80,10 +74,7 @@ impl CapabilityService for Capabilities {
         Call::begin(&self.0, "GetCapabilities", &request)?.finish(Ok(capabilities(&self.0)))
     }
 
-    async fn get_cache_usage(
-        &self,
-        request: Request<v1::GetCacheUsageRequest>,
-    ) -> Result<Response<v1::GetCacheUsageResponse>, Status> {
+    async fn get_cache_usage(&self, request: Request<v1::GetCacheUsageRequest>) -> Result<Response<v1::GetCacheUsageResponse>, Status> {
         Call::begin(&self.0, "GetCacheUsage", &request)?.finish(Ok(usage(&self.0)))
     }
 }

@@ -101,10 +101,7 @@ impl ChartService for ChartMaps {
 
     type ReadChartDataStream = Watch<v1::ReadChartDataResponse>;
 
-    async fn read_chart_data(
-        &self,
-        request: Request<v1::ReadChartDataRequest>,
-    ) -> Result<Response<Self::ReadChartDataStream>, Status> {
+    async fn read_chart_data(&self, request: Request<v1::ReadChartDataRequest>) -> Result<Response<Self::ReadChartDataStream>, Status> {
         let mut call = Call::begin(&self.0, "ReadChartData", &request)?;
         let request = request.into_inner();
         let target = call.target(&request.session, request.expected_revision)?;

@@ -75,10 +75,10 @@ fn pick(shared: &Shared, run: &Run<'_>, target: &Target, result: bool) -> Engine
     }
 }
 
-/// Kappa of a face.
+/// Kappa of a face; rounding may not take it above 1.
 fn face_kappa(mesh: &SurfaceMesh, face: usize) -> f64 {
     let [a, b, c] = mesh.corners(face);
-    kappa(a, b, c)
+    kappa(a, b, c).min(1.0)
 }
 
 /// Writes a mesh with what the format has a place for.
@@ -212,10 +212,7 @@ fn diagnose(shared: &Shared, run: &Run<'_>, target: &Target) -> EngineResult<v1:
 
 #[tonic::async_trait]
 impl MeshService for Meshes {
-    async fn upload_mesh(
-        &self,
-        request: Request<Streaming<v1::UploadMeshRequest>>,
-    ) -> Result<Response<v1::UploadMeshResponse>, Status> {
+    async fn upload_mesh(&self, request: Request<Streaming<v1::UploadMeshRequest>>) -> Result<Response<v1::UploadMeshResponse>, Status> {
         let call = Call::begin(&self.0, "UploadMesh", &request)?;
         let upload = match receive(&self.0, request.into_inner()).await {
             Ok(upload) => upload,
@@ -258,10 +255,7 @@ impl MeshService for Meshes {
 
     type ReadMeshDataStream = Watch<v1::ReadMeshDataResponse>;
 
-    async fn read_mesh_data(
-        &self,
-        request: Request<v1::ReadMeshDataRequest>,
-    ) -> Result<Response<Self::ReadMeshDataStream>, Status> {
+    async fn read_mesh_data(&self, request: Request<v1::ReadMeshDataRequest>) -> Result<Response<Self::ReadMeshDataStream>, Status> {
         let mut call = Call::begin(&self.0, "ReadMeshData", &request)?;
         let request = request.into_inner();
         let target = call.target(&request.session, request.expected_revision)?;

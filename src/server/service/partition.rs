@@ -94,10 +94,7 @@ impl PartitionService for Partitions {
 
     type ReadPatchDataStream = Watch<v1::ReadPatchDataResponse>;
 
-    async fn read_patch_data(
-        &self,
-        request: Request<v1::ReadPatchDataRequest>,
-    ) -> Result<Response<Self::ReadPatchDataStream>, Status> {
+    async fn read_patch_data(&self, request: Request<v1::ReadPatchDataRequest>) -> Result<Response<Self::ReadPatchDataStream>, Status> {
         let mut call = Call::begin(&self.0, "ReadPatchData", &request)?;
         let request = request.into_inner();
         let target = call.target(&request.session, request.expected_revision)?;

@@ -46,10 +46,7 @@ impl QualityService for Qualities {
         call.compute(Intent::Long, move |shared, run| measure(shared, run, &target, request.scope)).await
     }
 
-    async fn compare_meshes(
-        &self,
-        request: Request<v1::CompareMeshesRequest>,
-    ) -> Result<Response<v1::CompareMeshesResponse>, Status> {
+    async fn compare_meshes(&self, request: Request<v1::CompareMeshesRequest>) -> Result<Response<v1::CompareMeshesResponse>, Status> {
         let call = Call::begin(&self.0, "CompareMeshes", &request)?;
         let request = request.into_inner();
         call.compute(Intent::Long, move |shared, run| compare(shared, run, request)).await

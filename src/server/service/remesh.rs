@@ -135,10 +135,7 @@ fn one_call(shared: &Shared, run: &Run<'_>, request: v1::RemeshMeshRequest) -> E
 impl RemeshService for Remeshes {
     type RemeshSurfaceStream = Watch<v1::RemeshSurfaceResponse>;
 
-    async fn remesh_surface(
-        &self,
-        request: Request<v1::RemeshSurfaceRequest>,
-    ) -> Result<Response<Self::RemeshSurfaceStream>, Status> {
+    async fn remesh_surface(&self, request: Request<v1::RemeshSurfaceRequest>) -> Result<Response<Self::RemeshSurfaceStream>, Status> {
         use v1::remesh_surface_response::Event;
         let mut call = Call::begin(&self.0, "RemeshSurface", &request)?;
         let request = request.into_inner();

@@ -112,10 +112,7 @@ fn delete(shared: &Shared, request: &v1::DeleteSessionRequest) -> EngineResult<v
 
 #[tonic::async_trait]
 impl SessionService for Sessions {
-    async fn create_session(
-        &self,
-        request: Request<v1::CreateSessionRequest>,
-    ) -> Result<Response<v1::CreateSessionResponse>, Status> {
+    async fn create_session(&self, request: Request<v1::CreateSessionRequest>) -> Result<Response<v1::CreateSessionResponse>, Status> {
         let call = Call::begin(&self.0, "CreateSession", &request)?;
         call.finish(create(&self.0, request.into_inner()).map_err(Into::into))
     }
@@ -132,18 +129,12 @@ impl SessionService for Sessions {
         call.finish(list(&self.0, &request.into_inner()).map_err(Into::into))
     }
 
-    async fn update_session(
-        &self,
-        request: Request<v1::UpdateSessionRequest>,
-    ) -> Result<Response<v1::UpdateSessionResponse>, Status> {
+    async fn update_session(&self, request: Request<v1::UpdateSessionRequest>) -> Result<Response<v1::UpdateSessionResponse>, Status> {
         let call = Call::begin(&self.0, "UpdateSession", &request)?;
         call.finish(update(&self.0, request.into_inner()).map_err(Into::into))
     }
 
-    async fn delete_session(
-        &self,
-        request: Request<v1::DeleteSessionRequest>,
-    ) -> Result<Response<v1::DeleteSessionResponse>, Status> {
+    async fn delete_session(&self, request: Request<v1::DeleteSessionRequest>) -> Result<Response<v1::DeleteSessionResponse>, Status> {
         let call = Call::begin(&self.0, "DeleteSession", &request)?;
         call.finish(delete(&self.0, &request.into_inner()).map_err(Into::into))
     }

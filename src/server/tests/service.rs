@@ -5,6 +5,8 @@ mod harness;
 
 #[path = "service/cancel.rs"]
 mod cancel;
+#[path = "service/discovery.rs"]
+mod discovery;
 #[path = "service/edits.rs"]
 mod edits;
 #[path = "service/errors.rs"]
@@ -15,5 +17,3 @@ mod files;
 mod lifecycle;
 #[path = "service/limits.rs"]
 mod limits;
-#[path = "service/discovery.rs"]
-mod discovery;

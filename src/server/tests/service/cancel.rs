@@ -9,9 +9,7 @@ use tonic::{Code, Request};
 /// Waits until nothing computes; every question is a call of its own.
 async fn idle(daemon: &Daemon) {
     let mut client = CapabilityServiceClient::new(daemon.channel.clone());
-    let wait = async {
-        while client.get_cache_usage(v1::GetCacheUsageRequest {}).await.expect("usage").into_inner().running > 0 {}
-    };
+    let wait = async { while client.get_cache_usage(v1::GetCacheUsageRequest {}).await.expect("usage").into_inner().running > 0 {} };
     tokio::time::timeout(Duration::from_secs(20), wait).await.expect("the work stops");
 }
 

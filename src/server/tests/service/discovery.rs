@@ -36,10 +36,8 @@ macro_rules! reflection_lists_everything {
             use tonic_reflection::pb::$version::server_reflection_request::MessageRequest;
             use tonic_reflection::pb::$version::server_reflection_response::MessageResponse;
             let daemon = Daemon::usual().await;
-            let ask = |message| tonic_reflection::pb::$version::ServerReflectionRequest {
-                host: String::new(),
-                message_request: Some(message),
-            };
+            let ask =
+                |message| tonic_reflection::pb::$version::ServerReflectionRequest { host: String::new(), message_request: Some(message) };
             let asked = [
                 ask(MessageRequest::ListServices(String::new())),
                 ask(MessageRequest::FileContainingSymbol("remesh.v1.GeometryLocations".into())),

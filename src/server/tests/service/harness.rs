@@ -77,21 +77,14 @@ impl Daemon {
         session
     }
 
-    pub(crate) async fn import(
-        &self,
-        session: &str,
-        source: v1::import_mesh_request::Source,
-    ) -> Result<v1::ImportMeshResponse, Status> {
+    pub(crate) async fn import(&self, session: &str, source: v1::import_mesh_request::Source) -> Result<v1::ImportMeshResponse, Status> {
         let request = v1::ImportMeshRequest { session: session.to_owned(), source: Some(source), ..Default::default() };
         self.meshes().import_mesh(request).await.map(tonic::Response::into_inner)
     }
 
     pub(crate) async fn change(&self, session: &str, base: Option<u64>, change: v1::change::Change) -> Result<u64, Status> {
-        let request = v1::ApplyChangeRequest {
-            session: session.to_owned(),
-            base_revision: base,
-            change: Some(v1::Change { change: Some(change) }),
-        };
+        let request =
+            v1::ApplyChangeRequest { session: session.to_owned(), base_revision: base, change: Some(v1::Change { change: Some(change) }) };
         self.sessions().apply_change(request).await.map(|r| r.into_inner().revision)
     }
 

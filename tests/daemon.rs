@@ -1,0 +1,135 @@
+//! The real `remeshd` as a process: start, messages for wrong settings, signals, and the real `grpcurl` where it is installed.
+
+use std::io::{BufRead, BufReader};
+use std::process::{Child, Command, Output, Stdio};
+
+/// A running daemon on a free port; killed when dropped.
+struct Daemon {
+    child: Child,
+    address: String,
+}
+
+impl Daemon {
+    fn start() -> Daemon {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_remeshd"));
+        let mut child = command.args(["--listen", "127.0.0.1:0"]).stderr(Stdio::piped()).spawn().expect("starts");
+        let mut lines = BufReader::new(child.stderr.take().expect("piped")).lines();
+        let address = lines.by_ref().find_map(|line| {
+            let line = line.expect("text");
+            let (_, rest) = line.split_once("address=")?;
+            Some(rest.split_whitespace().next().unwrap_or_default().to_owned())
+        });
+        // Somebody must go on reading, or the daemon stops at a full pipe.
+        std::thread::spawn(move || lines.for_each(drop));
+        Daemon { child, address: address.expect("the daemon tells its address") }
+    }
+
+    fn signal(&mut self, name: &str) -> std::process::ExitStatus {
+        let killed = Command::new("kill").args([name, &self.child.id().to_string()]).status().expect("kill runs");
+        assert!(killed.success());
+        self.child.wait().expect("ends")
+    }
+
+    fn grpcurl(&self, arguments: &[&str], data: &str) -> Output {
+        let mut command = Command::new("grpcurl");
+        command.arg("-plaintext");
+        if !data.is_empty() {
+            command.args(["-d", data]);
+        }
+        command
+            .args(&arguments[..arguments.len() - 1])
+            .arg(&self.address)
+            .arg(arguments[arguments.len() - 1])
+            .output()
+            .expect("grpcurl runs")
+    }
+
+    fn call(&self, method: &str, data: &str) -> String {
+        let output = self.grpcurl(&[method], data);
+        assert!(output.status.success(), "{method}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).expect("UTF-8")
+    }
+}
+
+impl Drop for Daemon {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn run(arguments: &[&str]) -> (Option<i32>, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_remeshd")).args(arguments).output().expect("runs");
+    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+#[test]
+fn wrong_settings_are_told_and_end_the_daemon() {
+    for arguments in [["--listen", "nowhere"], ["--threads", "0"], ["--cache-mb", "much"], ["--log-format", "xml"]] {
+        let (code, message) = run(&arguments);
+        assert!(code == Some(2) && message.contains(arguments[1]), "{arguments:?}: {code:?} {message}");
+    }
+    let (code, message) = run(&["--log", "info,=,"]);
+    assert!(code == Some(1) && message.contains("--log"), "{message}");
+}
+
+#[test]
+fn a_port_in_use_is_told() {
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").expect("a free port");
+    let address = taken.local_addr().expect("address").to_string();
+    let (code, message) = run(&["--listen", &address]);
+    assert!(code == Some(1) && message.contains(&format!("cannot listen on {address}")), "{message}");
+}
+
+#[test]
+fn both_signals_end_it_well() {
+    for signal in ["-TERM", "-INT"] {
+        assert!(Daemon::start().signal(signal).success(), "{signal}");
+    }
+}
+
+/// The text after `"key": "` up to the next quote.
+fn field<'a>(json: &'a str, key: &str) -> &'a str {
+    let start = json.find(&format!("\"{key}\": \"")).unwrap_or_else(|| panic!("no {key} in {json}")) + key.len() + 5;
+    &json[start..start + json[start..].find('"').expect("closed")]
+}
+
+#[test]
+fn the_real_grpcurl_works() {
+    if Command::new("grpcurl").arg("-version").output().is_err() {
+        eprintln!("NOT RUN: grpcurl is not installed");
+        return;
+    }
+    let daemon = Daemon::start();
+    let list = daemon.call("list", "");
+    for service in
+        ["CapabilityService", "ChartService", "MeshService", "PartitionService", "QualityService", "RemeshService", "SessionService"]
+    {
+        assert!(list.contains(&format!("remesh.v1.{service}\n")), "{list}");
+    }
+    let described = String::from_utf8(daemon.grpcurl(&["describe"], "").stdout).expect("UTF-8");
+    assert!(described.contains("rpc RemeshMesh"), "{described}");
+    assert!(daemon.call("grpc.health.v1.Health/Check", "").contains("SERVING"));
+
+    let made = daemon.call("remesh.v1.SessionService/CreateSession", r#"{"display_name": "grpcurl"}"#);
+    let session = field(&made, "name");
+    let import = format!(r#"{{"session": "{session}", "sample": {{"kind": "SAMPLE_KIND_TUBE", "triangles": 2000}}}}"#);
+    assert_eq!(field(&daemon.call("remesh.v1.MeshService/ImportMesh", &import), "revision"), "1");
+    let size = format!(r#"{{"session": "{session}", "base_revision": 1, "change": {{"size": {{"triangles": 1500}}}}}}"#);
+    assert_eq!(field(&daemon.call("remesh.v1.SessionService/ApplyChange", &size), "revision"), "2");
+    let named = format!(r#"{{"session": "{session}"}}"#);
+    assert!(daemon.call("remesh.v1.RemeshService/RemeshSurface", &named).contains("\"kappaMean\""));
+    let again = daemon.call("remesh.v1.RemeshService/RemeshSurface", &named);
+    assert!(!again.contains("STAGE_OUTCOME_RUN"), "everything is cached");
+
+    let stale = daemon.grpcurl(&["remesh.v1.SessionService/ApplyChange"], &size);
+    let message = String::from_utf8_lossy(&stale.stderr).into_owned();
+    assert!(!stale.status.success() && message.contains("Aborted") && message.contains("STALE_REVISION"), "{message}");
+
+    let one_call = r#"{"sample": {"kind": "SAMPLE_KIND_TUBE", "triangles": 2000}, "size": {"triangles": 1000},
+        "output_format": "MESH_FORMAT_OFF"}"#;
+    let first = daemon.call("remesh.v1.RemeshService/RemeshMesh", one_call);
+    let file = field(&first, "data");
+    let back = format!(r#"{{"data": "{file}", "size": {{"triangles": 800}}, "output_format": "MESH_FORMAT_STL"}}"#);
+    assert!(daemon.call("remesh.v1.RemeshService/RemeshMesh", &back).contains("\"topologyKept\": true"), "base64 in and out");
+}
