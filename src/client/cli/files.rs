@@ -126,7 +126,7 @@ pub(crate) fn read_edges(path: &Path) -> Outcome<Vec<[u32; 2]>> {
     let index =
         |(line, word): (usize, &str)| word.parse::<u32>().map_err(|_| malformed(path, line, &format!("'{word}' is not a vertex number")));
     let flat: Vec<u32> = words(&text).map(index).collect::<Outcome<_>>()?;
-    if flat.len() % 2 != 0 {
+    if !flat.len().is_multiple_of(2) {
         return Err(malformed(path, text.lines().count(), "an edge with one vertex"));
     }
     Ok(flat.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect())

@@ -47,12 +47,16 @@ pub(crate) fn groups<'a>(records: impl IntoIterator<Item = &'a v1::StageRecord>)
     groups
 }
 
-/// The records of several calls in their order, each stage and subject once: what a call computed is a hit in the next, which would
-/// only hide what was really found.
+/// The records of several calls in their order, without the hits on what an earlier one of them has told: what a call computed is in
+/// the cache for the next, which would only hide what was really found.
 pub(crate) fn joined<'a>(summaries: &[&'a v1::RunSummary]) -> Vec<&'a v1::StageRecord> {
     let mut seen = BTreeSet::new();
     let records = summaries.iter().flat_map(|summary| &summary.stages);
-    records.filter(|record| seen.insert((record.stage.as_str(), record.subject.as_str()))).collect()
+    let is_new = |record: &&'a v1::StageRecord| {
+        let first = seen.insert((record.stage.as_str(), record.subject.as_str()));
+        first || record.outcome() == v1::StageOutcome::Run
+    };
+    records.filter(is_new).collect()
 }
 
 #[cfg(test)]
@@ -78,8 +82,9 @@ mod tests {
             ],
             ..Default::default()
         };
-        let groups = groups(joined(&[&first, &second]));
+        let third = v1::RunSummary { stages: vec![record("novelty", "", Run), record("chart", "patch 1", Hit)], ..Default::default() };
+        let groups = groups(joined(&[&first, &second, &third]));
         let brief: Vec<_> = groups.iter().map(|g| (g.name.as_str(), g.milliseconds, g.hits, g.runs)).collect();
-        assert_eq!(brief, [("import", 10.0, 0, 1), ("partition", 10.0, 1, 1), ("charts", 10.0, 1, 1), ("novelty", 10.0, 0, 1)]);
+        assert_eq!(brief, [("import", 10.0, 0, 1), ("partition", 10.0, 1, 1), ("charts", 10.0, 1, 1), ("novelty", 20.0, 0, 2)]);
     }
 }
