@@ -206,7 +206,7 @@ fn truncated_and_damaged_files_are_survived() {
         for round in 0..600 {
             let mut bytes = whole.clone();
             for _ in 0..1 + round % 4 {
-                let at = if round % 2 == 0 { random.below(bytes.len()) } else { random.below(400.min(bytes.len())) };
+                let at = if round & 1 == 0 { random.below(bytes.len()) } else { random.below(400.min(bytes.len())) };
                 bytes[at] = match random.below(4) {
                     0 => b"0123456789-+.e \n\"{}[]$"[random.below(22)],
                     1 => bytes[at] ^ (1 << random.below(8)),

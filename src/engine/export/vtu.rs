@@ -49,12 +49,12 @@ fn put_array<T: Item>(name: &str, tuple: usize, values: &[T], style: Style, out:
         Style::Ascii => {
             for (index, value) in values.iter().enumerate() {
                 value.print(out);
-                out.push(if (index + 1) % tuple.max(12 / tuple * tuple) == 0 { b'\n' } else { b' ' });
+                out.push(if (index + 1).is_multiple_of(tuple.max(12 / tuple * tuple)) { b'\n' } else { b' ' });
             }
         }
         Style::Base64 => {
-            let mut bytes = Vec::with_capacity(values.len() * std::mem::size_of::<T>() + 8);
-            bytes.extend_from_slice(&((values.len() * std::mem::size_of::<T>()) as u64).to_le_bytes());
+            let mut bytes = Vec::with_capacity(std::mem::size_of_val(values) + 8);
+            bytes.extend_from_slice(&(std::mem::size_of_val(values) as u64).to_le_bytes());
             values.iter().for_each(|v| v.append(&mut bytes));
             out.extend_from_slice(&base64::encode(&bytes));
         }

@@ -242,7 +242,7 @@ impl<'a> Reader<'a, '_> {
 fn triangles_of(mode: Mode, indices: &[u32]) -> Box<dyn Iterator<Item = [u32; 3]> + '_> {
     match mode {
         Mode::TriangleStrip => {
-            Box::new(indices.windows(3).enumerate().map(|(k, w)| if k % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] }))
+            Box::new(indices.windows(3).enumerate().map(|(k, w)| if k.is_multiple_of(2) { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] }))
         }
         Mode::TriangleFan => Box::new((2..indices.len()).map(|k| [indices[0], indices[k - 1], indices[k]])),
         _ => Box::new(indices.chunks_exact(3).map(|c| [c[0], c[1], c[2]])),

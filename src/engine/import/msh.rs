@@ -138,7 +138,8 @@ fn read_format(lines: &mut Lines<'_>, state: &mut State, raw: &mut RawSurface) -
     let mut words = Words::new(line);
     let (version, kind, size) = (words.next().unwrap_or_default(), words.parse::<i32>(), words.parse::<usize>());
     state.version4 = version == b"4.1";
-    if !state.version4 && !(version == b"2" || version.starts_with(b"2.")) {
+    let is_version2 = version == b"2" || version.starts_with(b"2.");
+    if !state.version4 && !is_version2 {
         return Err(EngineError::new(Reason::FormatUnsupported, format!("MSH {} is not read, only 2.x and 4.1", name_of(version)))
             .with_hint("convert it with: gmsh -save -format msh41"));
     }

@@ -327,7 +327,7 @@ fn read_strips(element: &ElementKind, numbers: &mut Numbers<'_>, raw: &mut RawSu
                         };
                         if filled >= 2 {
                             let [a, b] = strip;
-                            raw.push_triangle(if filled % 2 == 0 { [a, b, vertex] } else { [b, a, vertex] }, region)?;
+                            raw.push_triangle(if filled.is_multiple_of(2) { [a, b, vertex] } else { [b, a, vertex] }, region)?;
                         }
                         strip = [strip[1], vertex];
                         filled += 1;
