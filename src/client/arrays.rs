@@ -141,13 +141,13 @@ fn rows<const N: usize, T: Scalar>(bytes: &[u8]) -> Vec<[T; N]> {
     bytes.chunks_exact(N * T::BYTES).map(row).collect()
 }
 
-/// Packs numbers as the protocol wants them.
-pub(crate) fn pack_f64(values: &[f64]) -> Bytes {
+/// Packs numbers as the protocol wants them (little-endian f64, no padding).
+pub fn pack_f64(values: &[f64]) -> Bytes {
     values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>().into()
 }
 
-/// Packs indices as the protocol wants them.
-pub(crate) fn pack_u32(values: &[u32]) -> Bytes {
+/// Packs indices as the protocol wants them (little-endian u32, no padding).
+pub fn pack_u32(values: &[u32]) -> Bytes {
     values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>().into()
 }
 

@@ -40,7 +40,7 @@ mod transfer;
 #[cfg(feature = "cli")]
 pub mod cli;
 
-pub use arrays::{ChartData, MeshColumns, MeshData};
+pub use arrays::{ChartData, MeshColumns, MeshData, pack_f64, pack_u32};
 pub use connection::{Client, MAX_MESSAGE_BYTES};
 pub use error::{CallError, ClientError, FieldError, Place, PlaceElement, Result};
 pub use remesh_proto::v1;
