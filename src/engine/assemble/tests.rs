@@ -15,8 +15,7 @@ use std::sync::Arc;
 fn sphere(levels: usize) -> SurfaceMesh {
     let mut points: Vec<Vec3> =
         vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]];
-    let mut faces: Vec<[u32; 3]> =
-        vec![[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [1, 0, 5], [2, 1, 5], [3, 2, 5], [0, 3, 5]];
+    let mut faces: Vec<[u32; 3]> = vec![[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [1, 0, 5], [2, 1, 5], [3, 2, 5], [0, 3, 5]];
     for _ in 0..levels {
         let mut middle = BTreeMap::new();
         let mut next = Vec::new();
@@ -64,11 +63,8 @@ fn joined(size: f64) -> (SurfaceMesh, Result<Assembled>) {
     let cancel = CancelToken::new();
     let work = Work::silent(&cancel);
     let sizes = vec![size; mesh.positions.len()];
-    let meshes: Vec<Arc<CurveMesh>> = network
-        .curves
-        .iter()
-        .map(|c| Arc::new(mesh_curve(&curve_polyline(&mesh, &topology, c, &sizes), &work).unwrap()))
-        .collect();
+    let meshes: Vec<Arc<CurveMesh>> =
+        network.curves.iter().map(|c| Arc::new(mesh_curve(&curve_polyline(&mesh, &topology, c, &sizes), &work).unwrap())).collect();
     let patches: Vec<(&Patch, &PatchMap)> = halves.iter().map(|h| (&h.0, &h.1)).collect();
     let uses = patch_curve_uses(&topology, &network, &meshes, &partition, &patches);
     let lifted: Vec<(Arc<LiftedPatch>, &PatchMap)> = halves

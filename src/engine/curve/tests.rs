@@ -89,8 +89,7 @@ fn corners_of_features_are_not_cut() {
 fn bad_sizes_are_refused() {
     let cancel = CancelToken::new();
     for (size, reason) in [(0.0, "BAD_PARAMETER"), (f64::NAN, "BAD_PARAMETER"), (-1.0, "BAD_PARAMETER"), (1e-12, "LIMIT_REACHED")] {
-        let polyline =
-            CurvePolyline { points: line(2, 1.0), sizes: vec![size; 2], closed: false, kind: CurveKind::Seam, min_edges: 1 };
+        let polyline = CurvePolyline { points: line(2, 1.0), sizes: vec![size; 2], closed: false, kind: CurveKind::Seam, min_edges: 1 };
         assert_eq!(mesh_curve(&polyline, &Work::silent(&cancel)).unwrap_err().reason().code(), reason);
     }
 }
@@ -111,8 +110,7 @@ fn curves_of_a_grid_cut_in_quarters() {
         let (i, j) = (f as u32 / 2 / n, f as u32 / 2 % n);
         2 * u32::from(i >= n / 2) + u32::from(j >= n / 2)
     };
-    let partition =
-        Partition { face_patch: (0..triangles.len()).map(quarter).collect(), patches: vec![PatchSummary::default(); 4] };
+    let partition = Partition { face_patch: (0..triangles.len()).map(quarter).collect(), patches: vec![PatchSummary::default(); 4] };
     // A dangling feature of two edges inside the first quarter.
     let mut features = Features { is_feature: vec![false; topology.halfedge_count()], corners: vec![0, n, n * (n + 1), n * (n + 2)] };
     for h in 0..topology.halfedge_count() as u32 {

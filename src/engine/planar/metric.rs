@@ -52,7 +52,7 @@ fn face_metric(patch: &Patch, uv: &[Vec2], face: usize) -> Option<(Metric, f64)>
     let t = patch.triangles[face].map(|v| v as usize);
     let [a, b, c] = t.map(|v| uv[v]);
     let area = area2(a, b, c);
-    if !(area > 0.0) {
+    if area.is_nan() || area <= 0.0 {
         return None;
     }
     let (e, f) = (sub(patch.positions[t[1]], patch.positions[t[0]]), sub(patch.positions[t[2]], patch.positions[t[0]]));

@@ -55,7 +55,7 @@ pub(super) fn smooth(
                 let p = mesh.uv[w as usize];
                 sum = [sum[0] + weight * p[0], sum[1] + weight * p[1], sum[2] + weight];
             }
-            if !(sum[2] > 0.0) {
+            if sum[2].is_nan() || sum[2] <= 0.0 {
                 continue;
             }
             let goal = [sum[0] / sum[2], sum[1] / sum[2]];

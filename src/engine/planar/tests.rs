@@ -280,7 +280,9 @@ fn a_useless_chart_still_delivers() {
         // Folded, then collapsed to a point.
         let folded: Vec<Vec2> = uv.iter().map(|p| [p[0].abs(), p[1]]).collect();
         let (_, lifted) = meshed(&patch, &folded, &curves, &sizes);
-        assert!(mean_kappa(&lifted) > 0.5);
+        // Three boundary points around a long feature leave no choice of shape.
+        let kappa = mean_kappa(&lifted);
+        assert!(size > 1.0 || kappa > 0.5, "{size}: kappa {kappa}");
         meshed(&patch, &vec![[0.0; 2]; uv.len()], &curves, &sizes);
     }
 }
@@ -289,10 +291,8 @@ fn a_useless_chart_still_delivers() {
 fn narrow_winding_strip_delivers_at_any_size() {
     // A sine-shaped band of width 0.1: chords cut it at every bend when the size is large.
     let (n, m) = (200usize, 4usize);
-    let uv: Vec<Vec2> = (0..=n)
-        .flat_map(|i| (0..=m).map(move |j| (i as f64 * 0.05, j as f64 * 0.025)))
-        .map(|(x, y)| [x, y + (3.0 * x).sin()])
-        .collect();
+    let uv: Vec<Vec2> =
+        (0..=n).flat_map(|i| (0..=m).map(move |j| (i as f64 * 0.05, j as f64 * 0.025))).map(|(x, y)| [x, y + (3.0 * x).sin()]).collect();
     let at = |i: usize, j: usize| (i * (m + 1) + j) as u32;
     let mut triangles = Vec::new();
     for (i, j) in (0..n).flat_map(|i| (0..m).map(move |j| (i, j))) {

@@ -6,8 +6,7 @@ use crate::work::CancelToken;
 /// A strip of `n` cells of side 1.
 fn strip(n: u32) -> (SurfaceMesh, Topology, Features) {
     let positions = (0..=n).flat_map(|i| [[f64::from(i), 0.0, 0.0], [f64::from(i), 1.0, 0.0]]).collect();
-    let triangles: Vec<[u32; 3]> =
-        (0..n).flat_map(|i| [[2 * i, 2 * i + 2, 2 * i + 3], [2 * i, 2 * i + 3, 2 * i + 1]]).collect();
+    let triangles: Vec<[u32; 3]> = (0..n).flat_map(|i| [[2 * i, 2 * i + 2, 2 * i + 3], [2 * i, 2 * i + 3, 2 * i + 1]]).collect();
     let topology = Topology::build(&triangles, 2 * n as usize + 2).unwrap();
     let features = Features { is_feature: vec![false; topology.halfedge_count()], corners: Vec::new() };
     (SurfaceMesh::from_parts(positions, triangles), topology, features)
