@@ -168,7 +168,7 @@ fn draw_legend(image: &mut Image, histogram: &Histogram<'_>, frame: &Frame, font
 /// Three significant digits.
 fn short(value: f64) -> String {
     match value.abs() {
-        x if x == 0.0 => "0".to_owned(),
+        0.0 => "0".to_owned(),
         x if (0.001..0.1).contains(&x) => format!("{value:.4}"),
         x if (0.1..10.0).contains(&x) => format!("{value:.3}").trim_end_matches('0').trim_end_matches('.').to_owned(),
         x if (10.0..1e5).contains(&x) => format!("{value:.1}"),

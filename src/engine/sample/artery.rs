@@ -39,7 +39,7 @@ pub(super) fn tree(ends: u32) -> Body {
         let share = (f64::from(side) + 0.6) / (f64::from(sides) + 0.4);
         let (root, _) = trunk(0.12 + 0.66 * share);
         let turn = TAU * 0.381_966 * f64::from(side) + 0.3;
-        let droop = if side % 2 == 0 { 10.0 } else { 22.0 };
+        let droop = if side.is_multiple_of(2) { 10.0 } else { 22.0 };
         let around = |angle: f64, reach: f64| [reach * angle.cos(), reach * angle.sin(), 0.0];
         strands.push(curve(8, |t| {
             let sweep = add(around(turn + 0.35 * t, 52.0 * t), [0.0, 0.0, 6.0 * (PI * t).sin() - droop * t * t]);

@@ -77,7 +77,7 @@ fn angular_lines(vanes: u32, size: f64) -> (Vec<f64>, Vec<usize>) {
     let pitch = TAU / f64::from(vanes);
     let (mut angles, mut sector_of) = (Vec::new(), Vec::new());
     for sector in 0..2 * vanes as usize {
-        let vane = sector % 2 == 0;
+        let vane = sector.is_multiple_of(2);
         let from = pitch * ((sector / 2) as f64 + if vane { 0.0 } else { VANE_SHARE });
         let width = pitch * if vane { VANE_SHARE } else { 1.0 - VANE_SHARE };
         let least = (width / 0.2).ceil() as usize;
@@ -93,7 +93,7 @@ fn is_solid(interval: usize, sector: usize, layer: usize, vanes: u32, slots: u32
         1 => layer == 4 && !in_slot(sector, vanes, slots),
         0 | 2 => layer == 4,
         3 => layer >= 2,
-        5 => layer == 0 || layer == 2 || layer == 1 && sector % 2 == 0,
+        5 => layer == 0 || layer == 2 || layer == 1 && sector.is_multiple_of(2),
         _ => layer == 0 || layer == 2,
     }
 }

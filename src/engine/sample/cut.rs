@@ -144,10 +144,8 @@ fn compact(positions: &mut Vec<Vec3>, triangles: &mut [[u32; 3]]) {
     for &v in triangles.as_flattened() {
         number[v as usize] = 0;
     }
-    let mut next = 0;
-    for slot in number.iter_mut().filter(|slot| **slot == 0) {
-        *slot = next;
-        next += 1;
+    for (next, slot) in number.iter_mut().filter(|slot| **slot == 0).enumerate() {
+        *slot = next as u32;
     }
     let mut at = 0;
     positions.retain(|_| {

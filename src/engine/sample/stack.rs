@@ -98,7 +98,7 @@ impl Builder<'_> {
     fn floors(&mut self, work: &Work<'_>) -> Result<()> {
         let layers = self.stack.layers.len();
         for (q, &[a, b, c, d]) in self.stack.layout.quads.iter().enumerate() {
-            if q % 1024 == 0 {
+            if q.is_multiple_of(1024) {
                 work.check()?;
             }
             for edge in 0..=layers {
