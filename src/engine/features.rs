@@ -94,17 +94,17 @@ pub fn detect_features(mesh: &SurfaceMesh, topology: &Topology, spec: &FeatureSp
         return Err(EngineError::bad_parameter("min_chain_share", "must be a finite number, 0 or more"));
     }
     let mut marks = vec![Mark::None; topology.halfedge_count()];
-    if let Some(angle) = spec.feature_angle_deg {
-        sharp::mark_sharp(mesh, topology, angle.to_radians(), &mut marks, work)?;
-    }
     if spec.region_borders == RegionBorders::Keep {
         mark_region_borders(mesh, topology, &mut marks);
     }
     mark_explicit(mesh, topology, &spec.explicit_edges, &mut marks)?;
-    work.check()?;
-    let shortest = spec.min_chain_share * bounding_diagonal(&mesh.positions);
-    if spec.feature_angle_deg.is_some() && shortest > 0.0 {
-        chains::drop_noise(mesh, topology, shortest, &mut marks, work)?;
+    if let Some(angle) = spec.feature_angle_deg {
+        let normals = sharp::reference_normals(mesh, topology, work)?;
+        sharp::mark_sharp(topology, &normals, angle.to_radians(), &mut marks, work)?;
+        let shortest = spec.min_chain_share * bounding_diagonal(&mesh.positions);
+        if shortest > 0.0 {
+            chains::drop_noise(mesh, topology, &normals, shortest, &mut marks, work)?;
+        }
     }
     let is_feature: Vec<bool> = marks.iter().map(|&m| m != Mark::None).collect();
     let corners = corners::find_corners(mesh, topology, &is_feature, work)?;

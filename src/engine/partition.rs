@@ -99,7 +99,7 @@ pub fn partition_surface(
         work.step(done, 2 * faces)?;
     }
     let Divider { mut label, mut scratch, .. } = divider;
-    let goal = Goal { patches: spec.patches, limits };
+    let goal = Goal { patches: spec.patches, planned_faces: (MERGE_SLACK * wanted).min(f64::from(u32::MAX)) as u32, limits };
     smooth::smooth_borders(&surface, &mut label, limits, work)?;
     merge::merge_patches(&surface, &mut label, &goal, &mut scratch, work)?;
     smooth::smooth_borders(&surface, &mut label, limits, work)?;
@@ -108,6 +108,8 @@ pub fn partition_surface(
 
 /// With a wanted number of patches, a patch may be this much larger than the mean.
 const PLAN_SLACK: f64 = 1.12;
+/// And a merged patch by this much.
+const MERGE_SLACK: f64 = 1.3;
 
 fn check_spec(spec: &PartitionSpec) -> Result<()> {
     if spec.patches == Some(0) {

@@ -14,9 +14,8 @@ const AGREEMENT: f64 = 0.35;
 /// Slivers that touch only slivers are settled in at most this many sweeps.
 const SWEEPS: usize = 4;
 
-/// Marks every interior edge whose faces' (corrected) normals differ by at least `angle` radians.
-pub(super) fn mark_sharp(mesh: &SurfaceMesh, topology: &Topology, angle: f64, marks: &mut [Mark], work: &Work<'_>) -> Result<()> {
-    let normals = reference_normals(mesh, topology, work)?;
+/// Marks every interior edge whose faces' normals (see [`reference_normals`]) differ by at least `angle` radians.
+pub(super) fn mark_sharp(topology: &Topology, normals: &[Vec3], angle: f64, marks: &mut [Mark], work: &Work<'_>) -> Result<()> {
     for h in 0..topology.halfedge_count() as u32 {
         if h % 65_536 == 0 {
             work.check()?;
@@ -24,7 +23,7 @@ pub(super) fn mark_sharp(mesh: &SurfaceMesh, topology: &Topology, angle: f64, ma
         let Some(t) = topology.twin(h).filter(|&t| h < t) else { continue };
         let (a, b) = (normals[topology.face(h) as usize], normals[topology.face(t) as usize]);
         // Rounding must not lose edges of exactly the threshold (a cube at 90 degrees).
-        if angle_between(a, b) >= angle - 1e-9 {
+        if marks[h as usize] == Mark::None && angle_between(a, b) >= angle - 1e-9 {
             set_mark(topology, marks, h, Mark::Sharp);
         }
     }
@@ -33,7 +32,7 @@ pub(super) fn mark_sharp(mesh: &SurfaceMesh, topology: &Topology, angle: f64, ma
 
 /// Unit normals; those of slivers that agree with no neighbour are replaced by the best fitting neighbour's.
 /// So an edge beside such a sliver is sharp only if the faces on its two sides are.
-fn reference_normals(mesh: &SurfaceMesh, topology: &Topology, work: &Work<'_>) -> Result<Vec<Vec3>> {
+pub(super) fn reference_normals(mesh: &SurfaceMesh, topology: &Topology, work: &Work<'_>) -> Result<Vec<Vec3>> {
     let count = topology.face_count();
     let mut normals = Vec::with_capacity(count);
     let mut doubtful = Vec::new();

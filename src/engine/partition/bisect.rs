@@ -139,9 +139,7 @@ struct Refinement<'a> {
 impl<'a> Refinement<'a> {
     fn new(graph: &'a Graph, share: Share, side: &[bool]) -> Self {
         let gain = (0..graph.len() as u32)
-            .map(|u| {
-                graph.row(u).map(|(v, w)| if side[v as usize] == side[u as usize] { -i64::from(w) } else { i64::from(w) }).sum()
-            })
+            .map(|u| graph.row(u).map(|(v, w)| if side[v as usize] == side[u as usize] { -i64::from(w) } else { i64::from(w) }).sum())
             .collect();
         Refinement { graph, share, gain, locked: vec![false; graph.len()], weight: weight_of_first(graph, side) }
     }

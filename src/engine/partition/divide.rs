@@ -10,6 +10,8 @@ use crate::work::Work;
 const ROOM: f64 = 0.5;
 /// Parts are planned to be this full at most.
 const FILL: f64 = 0.92;
+/// Least share of its aim that a part must get.
+const LEAST_FILL: f64 = 0.6;
 /// Least share of the area of the smaller part when a part is divided for its shape.
 const SMALLER_PART: f64 = 0.28;
 
@@ -57,7 +59,7 @@ impl<'a> Divider<'a> {
         while let Some((part, parts)) = stack.pop() {
             work.check()?;
             let p = self.name(&part);
-            let parts = parts.max(self.parts_for(part.len(), 1.0));
+            let parts = parts.max(self.parts_for(part.len(), 1.0)).min(part.len() as f64);
             if parts < 1.5 && measure(self.surface, &self.label, &part, p, &mut self.scratch).is_valid(&self.limits) {
                 continue;
             }
@@ -91,8 +93,9 @@ impl<'a> Divider<'a> {
         let aim = total * first / parts;
         let room = if parts < 2.5 { 1.0 } else { ROOM };
         let above = |k: f64, aim: f64| aim + room * (k * self.planned_faces - aim).max(0.0);
-        let high = above(first, aim).min(total - 1.0);
-        let low = (total - above(second, total - aim)).max(1.0).min(high);
+        // Room is for shorter cuts, not for shaving off a few faces.
+        let high = above(first, aim).min(total - LEAST_FILL * (total - aim)).max(1.0);
+        let low = (total - above(second, total - aim)).max(LEAST_FILL * aim).min(high);
         Share { low: low as u64, aim: aim as u64, high: high.ceil() as u64 }
     }
 

@@ -15,6 +15,8 @@ const LEAST_CONTACT: f64 = 0.12;
 pub(super) struct Goal {
     /// Wanted number of patches; `None` merges whatever may be merged.
     pub(super) patches: Option<u32>,
+    /// Faces that unions should not exceed while that is possible.
+    pub(super) planned_faces: u32,
     /// What the union must keep.
     pub(super) limits: Limits,
 }
@@ -24,29 +26,28 @@ type Candidate = (u64, Reverse<[u32; 2]>, [u32; 2]);
 
 /// Merges pairs of neighbours, longest relative contact first, while the union keeps `goal.limits`. Each patch is merged at most
 /// log(patches) times into a larger one; a trial costs the two borders.
-pub(super) fn merge_patches(
-    surface: &Surface<'_>,
-    label: &mut [u32],
-    goal: &Goal,
-    scratch: &mut Scratch,
-    work: &Work<'_>,
-) -> Result<()> {
+pub(super) fn merge_patches(surface: &Surface<'_>, label: &mut [u32], goal: &Goal, scratch: &mut Scratch, work: &Work<'_>) -> Result<()> {
     let faces = faces_by_patch(label);
     let pieces: Vec<Piece> = faces.iter().enumerate().map(|(p, set)| measure(surface, label, set, p as u32, scratch)).collect();
     let mut left = faces.iter().filter(|set| !set.is_empty()).count() as u32;
     let mut merger = Merger { surface, label, version: vec![0; faces.len()], faces, pieces, heap: BinaryHeap::new() };
-    for p in 0..merger.pieces.len() as u32 {
-        merger.propose(p, |q| q > p);
-    }
-    while goal.patches.is_none_or(|k| left > k) {
-        let Some((_, Reverse([p, q]), versions)) = merger.heap.pop() else { break };
-        if [p, q].map(|x| merger.version[x as usize]) != versions {
-            continue;
+    // First to patches of about the planned size, then, if a number is wanted, to any size allowed.
+    for faces in [goal.planned_faces.min(goal.limits.faces), goal.limits.faces] {
+        let limits = Limits { faces, ..goal.limits };
+        merger.heap.clear();
+        for p in 0..merger.pieces.len() as u32 {
+            merger.propose(p, |q| q > p);
         }
-        work.check()?;
-        if let Some(union) = merger.union_of(p, q, &goal.limits, scratch) {
-            merger.accept(p, q, union);
-            left -= 1;
+        while goal.patches.is_none_or(|k| left > k) {
+            let Some((_, Reverse([p, q]), versions)) = merger.heap.pop() else { break };
+            if [p, q].map(|x| merger.version[x as usize]) != versions {
+                continue;
+            }
+            work.check()?;
+            if let Some(union) = merger.union_of(p, q, &limits, scratch) {
+                merger.accept(p, q, union);
+                left -= 1;
+            }
         }
     }
     Ok(())
@@ -93,8 +94,12 @@ impl Merger<'_> {
         let topology = self.surface.topology;
         let label = &*self.label;
         let inside = |f: u32| label[f as usize] == p || label[f as usize] == q;
-        let mut union =
-            Piece { faces: a.faces + b.faces, area: a.area + b.area, inner_vertices: a.inner_vertices + b.inner_vertices, ..Piece::default() };
+        let mut union = Piece {
+            faces: a.faces + b.faces,
+            area: a.area + b.area,
+            inner_vertices: a.inner_vertices + b.inner_vertices,
+            ..Piece::default()
+        };
         scratch.vertices.clear();
         for &h in a.border.iter().chain(&b.border) {
             if !topology.twin(h).is_some_and(|t| inside(t / 3)) {

@@ -120,10 +120,7 @@ impl Mover<'_> {
                 .sum()
         };
         let keep = shared(own) * (1.0 + 1e-9);
-        (3 * f..3 * f + 3)
-            .filter_map(|h| self.surface.crossing(h))
-            .map(|g| self.label[g as usize])
-            .find(|&q| q != own && shared(q) > keep)
+        (3 * f..3 * f + 3).filter_map(|h| self.surface.crossing(h)).map(|g| self.label[g as usize]).find(|&q| q != own && shared(q) > keep)
     }
 
     fn try_move(&mut self, f: u32, to: u32) -> bool {

@@ -1,6 +1,6 @@
 //! What the partitioner knows of the surface, and the numbers of a patch under given face labels.
 
-use super::{PatchSummary, PartitionSpec};
+use super::{PartitionSpec, PatchSummary};
 use crate::features::Features;
 use crate::mesh::SurfaceMesh;
 use crate::topology::Topology;
