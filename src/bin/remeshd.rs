@@ -105,7 +105,9 @@ fn start_log(arguments: &Arguments) -> Result<(), String> {
     // A panic inside a computation fails one call; where it happened belongs in the log, in the log's format.
     std::panic::set_hook(Box::new(|info| {
         let place = info.location().map(ToString::to_string).unwrap_or_default();
-        tracing::error!(place, "panic: {}", info.payload_as_str().unwrap_or("(no message)"));
+        let payload = info.payload();
+        let message = payload.downcast_ref::<&str>().copied().or_else(|| payload.downcast_ref::<String>().map(String::as_str));
+        tracing::error!(place, "panic: {}", message.unwrap_or("(no message)"));
     }));
     Ok(())
 }
