@@ -100,6 +100,15 @@ fn open_speck(mesh: &SurfaceMesh, topology: &Topology, piece: &[u32], marks: &mu
     longest.is_some()
 }
 
+/// Marked halfedges that leave `v`. Marks are on interior edges only, so every marked edge of `v` occurs once.
+fn marked_at(topology: &Topology, marks: &[Mark], v: u32) -> impl Iterator<Item = u32> {
+    topology.outgoing(v).filter(move |&h| marks[h as usize] != Mark::None)
+}
+
+fn length_of(mesh: &SurfaceMesh, topology: &Topology, h: u32) -> f64 {
+    distance(mesh.positions[topology.origin(h) as usize], mesh.positions[topology.target(h) as usize])
+}
+
 /// Removes, again and again, sharp branches from a free end to a junction that are shorter than `shortest`.
 fn prune_branches(mesh: &SurfaceMesh, topology: &Topology, shortest: f64, marks: &mut [Mark]) {
     let mut ends: Vec<u32> = (0..topology.vertex_count() as u32).filter(|&v| marked_at(topology, marks, v).count() == 1).collect();
