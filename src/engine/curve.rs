@@ -7,7 +7,6 @@ use crate::fingerprint::{Contents, Feeder};
 use crate::mesh::SurfaceMesh;
 use crate::partition::Partition;
 use crate::patch::{Patch, PatchMap};
-use crate::planar::CurveUse;
 use crate::topology::Topology;
 use crate::vector::Vec3;
 use crate::work::Work;
@@ -143,52 +142,42 @@ pub fn mesh_curve(polyline: &CurvePolyline, work: &Work<'_>) -> Result<CurveMesh
     discretize::discretize(polyline, work)
 }
 
-/// The curves of every patch, as its mesher wants them: boundary curves of the patch and features inside it, in local vertices.
-/// `patches` are all patches of the partition, in order. A feature with the patch on both sides is one use, inside the patch, unless the
-/// patch was cut open along it; then it is two. O(total length of the curves + patches).
-pub fn patch_curve_uses<'a>(
-    topology: &Topology,
-    network: &CurveNetwork,
-    curve_meshes: &'a [std::sync::Arc<CurveMesh>],
-    partition: &Partition,
-    patches: &[(&Patch, &PatchMap)],
-) -> Vec<Vec<CurveUse<'a>>> {
+/// A curve as a patch sees it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PatchCurve {
+    /// Curve of the network.
+    pub curve: u32,
+    /// Local vertices of the patch along the curve, in the direction of the curve.
+    pub path: Vec<u32>,
+}
+
+/// The curves of every patch: boundary curves of the patch and features inside it, in local vertices. `patches` are all patches of
+/// the partition, in order. A feature with the patch on both sides is listed once, unless the patch was cut open along it; then twice.
+/// O(total length of the curves + F).
+pub fn patch_curves(topology: &Topology, network: &CurveNetwork, partition: &Partition, patches: &[(Patch, PatchMap)]) -> Vec<Vec<PatchCurve>> {
     let mut local_face = vec![0u32; partition.face_patch.len()];
     for (_, map) in patches {
         map.faces.iter().enumerate().for_each(|(i, &f)| local_face[f as usize] = i as u32);
     }
-    let mut uses: Vec<Vec<CurveUse<'a>>> = patches.iter().map(|_| Vec::new()).collect();
-    // Path of a curve in the patch that holds the faces of the given halfedges, which run along the curve or all against it.
-    let path_of = |halfedges: &[u32], patch: u32, against: bool| -> Vec<u32> {
-        let triangles = &patches[patch as usize].0.triangles;
-        let ends = |h: u32| {
-            let corners = triangles[local_face[topology.face(h) as usize] as usize];
-            (corners[(h % 3) as usize], corners[((h + 1) % 3) as usize])
-        };
-        let mut path = Vec::with_capacity(halfedges.len() + 1);
-        for (i, &h) in halfedges.iter().enumerate() {
-            let (a, b) = if against { (ends(h).1, ends(h).0) } else { ends(h) };
-            if i == 0 {
-                path.push(a);
-            }
-            path.push(b);
-        }
-        path
-    };
-    for (c, curve) in network.curves.iter().enumerate() {
-        let Some(&first) = curve.halfedges.first() else { continue };
-        let mesh = &*curve_meshes[c];
-        let left = partition.face_patch[topology.face(first) as usize];
-        let path = path_of(&curve.halfedges, left, false);
+    let patch_of = |h: u32| partition.face_patch[topology.face(h) as usize];
+    // The local vertex a halfedge leaves, in the patch that holds its face.
+    let start = |h: u32| patches[patch_of(h) as usize].0.triangles[local_face[topology.face(h) as usize] as usize][h as usize % 3];
+    let end = |h: u32| start(topology.next(h));
+    let mut curves: Vec<Vec<PatchCurve>> = vec![Vec::new(); patches.len()];
+    for (number, curve) in network.curves.iter().enumerate() {
+        let Some((&first, &last)) = curve.halfedges.first().zip(curve.halfedges.last()) else { continue };
+        let number = number as u32;
+        let path: Vec<u32> = curve.halfedges.iter().map(|&h| start(h)).chain([end(last)]).collect();
         let twins: Vec<u32> = curve.halfedges.iter().filter_map(|&h| topology.twin(h)).collect();
-        let right = twins.first().map(|&t| partition.face_patch[topology.face(t) as usize]);
-        let behind = right.map(|patch| (patch, path_of(&twins, patch, true)));
-        if let Some((patch, other)) = behind.filter(|(patch, other)| *patch != left || *other != path) {
-            uses[patch as usize].push(CurveUse { path: other, mesh, curve: c as u32 });
+        if let Some((&first_twin, &last_twin)) = twins.first().zip(twins.last()) {
+            let behind: Vec<u32> = twins.iter().map(|&t| end(t)).chain([start(last_twin)]).collect();
+            if patch_of(first_twin) != patch_of(first) || behind != path {
+                curves[patch_of(first_twin) as usize].push(PatchCurve { curve: number, path: behind });
+            }
         }
-        uses[left as usize].push(CurveUse { path, mesh, curve: c as u32 });
+        curves[patch_of(first) as usize].push(PatchCurve { curve: number, path });
     }
-    uses
+    curves
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ mod graph;
 mod patch_set;
 
 pub use context::{Event, Progress, Run};
-pub use patch_set::{PatchCurve, PatchSet};
+pub use patch_set::PatchSet;
 
 use crate::engine::Engine;
 use crate::error::{EngineError, Reason, Result};

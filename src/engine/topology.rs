@@ -211,7 +211,7 @@ impl Topology {
     /// Previous halfedge in the face.
     #[inline]
     pub fn prev(&self, h: u32) -> u32 {
-        if h % 3 == 0 { h + 2 } else { h - 1 }
+        if h.is_multiple_of(3) { h + 2 } else { h - 1 }
     }
 
     /// Face of a halfedge.

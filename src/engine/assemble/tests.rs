@@ -1,7 +1,7 @@
 //! Two half spheres of an octasphere, mapped stereographically, meshed and joined.
 
 use super::*;
-use crate::curve::{curve_polyline, mesh_curve, patch_curve_uses, trace_curves};
+use crate::curve::{curve_polyline, mesh_curve, patch_curves, trace_curves};
 use crate::features::Features;
 use crate::parametrize::{Chart, ChartMethod, Distortion};
 use crate::partition::{Partition, PatchSummary};
@@ -65,8 +65,12 @@ fn joined(size: f64) -> (SurfaceMesh, Result<Assembled>) {
     let sizes = vec![size; mesh.positions.len()];
     let meshes: Vec<Arc<CurveMesh>> =
         network.curves.iter().map(|c| Arc::new(mesh_curve(&curve_polyline(&mesh, &topology, c, &sizes), &work).unwrap())).collect();
-    let patches: Vec<(&Patch, &PatchMap)> = halves.iter().map(|h| (&h.0, &h.1)).collect();
-    let uses = patch_curve_uses(&topology, &network, &meshes, &partition, &patches);
+    let patches: Vec<(Patch, PatchMap)> = halves.iter().map(|h| (h.0.clone(), h.1.clone())).collect();
+    let curves = patch_curves(&topology, &network, &partition, &patches);
+    let uses: Vec<Vec<CurveUse<'_>>> = curves
+        .iter()
+        .map(|own| own.iter().map(|c| CurveUse { path: c.path.clone(), mesh: &meshes[c.curve as usize], curve: c.curve }).collect())
+        .collect();
     let lifted: Vec<(Arc<LiftedPatch>, &PatchMap)> = halves
         .iter()
         .zip(&uses)

@@ -2,11 +2,11 @@
 //! recorded as "will run" and nothing below it is looked at.
 
 use super::context::{Context, Halt, Step};
-use super::patch_set::{PatchCurve, PatchSet, curve_uses};
+use super::patch_set::PatchSet;
 use super::{Charts, Remesh, Surface};
 use crate::assemble::{Assembled, assemble};
 use crate::bvh::TriangleBvh;
-use crate::curve::{CurveMesh, CurvePolyline, curve_polyline, mesh_curve, trace_curves};
+use crate::curve::{CurveMesh, CurvePolyline, PatchCurve, curve_polyline, mesh_curve, patch_curves, trace_curves};
 use crate::error::{EngineError, Reason, Result};
 use crate::features::{Features, detect_features};
 use crate::fingerprint::{Contents, Feeder, Fingerprint};
@@ -93,7 +93,7 @@ fn patches_step(
     context.stage(key, Subject::Surface, |_| {
         let network = trace_curves(&surface.topology, features, partition);
         let cut = extract_patches(&surface.imported.mesh, &surface.topology, partition)?;
-        let uses = curve_uses(&surface.topology, partition, &network, &cut)?;
+        let uses = patch_curves(&surface.topology, &network, partition, &cut);
         let patches = cut.into_iter().map(|(patch, map)| {
             let fingerprint = patch.fingerprint();
             (Arc::new(patch), fingerprint, Arc::new(map))
