@@ -58,6 +58,11 @@ impl Contents for Remeshed {
 
 /// Optimises. Keeps topology, corners, and curves as curves; never flips a face against the input's normal; deterministic.
 ///
+/// Free vertices end on the input (a few may be lifted off it by up to 0.1 of the local size where two sheets would otherwise
+/// cross). Curve vertices slide or go only where their curve moves by at most 0.04 of the local size, 0.085 where a needle vanishes;
+/// sharp turns fainter than that, off the boundary, do not count as corners. Near-linear. Not guaranteed: that every face reaches
+/// `min_kappa` (corners may be closer than elements are long), nor that no intersection is left where sheets nearly touch.
+///
 /// # Errors
 /// Cancellation; [`crate::error::Reason::Invariant`] for arrays that do not fit each other; those of
 /// [`crate::topology::Topology::build`] for a mesh that is not manifold.

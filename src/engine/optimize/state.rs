@@ -46,7 +46,24 @@ impl<'a> State<'a> {
             state.size.push(state.input.size(&foot));
             state.normal.push(state.input.normal(&foot));
         }
+        state.release_faint_corners();
         Ok(state)
+    }
+
+    /// Sharp turns of features that are hardly visible at the wanted size (ends, junctions and boundary corners stay corners): a
+    /// noisy feature has many of them, nearer to each other than elements are long.
+    fn release_faint_corners(&mut self) {
+        for v in 0..self.mesh.vertex_slots() {
+            if !self.mesh.is_vertex(v) || self.mesh.class[v as usize] != VertexClass::Corner || self.mesh.is_boundary_vertex(v) {
+                continue;
+            }
+            if let &[a, b] = self.curve_neighbours(v).as_slice() {
+                let off = distance_to_segment(self.mesh.at(v), self.mesh.at(a), self.mesh.at(b));
+                if off <= CURVE_SAG_AT_NEEDLES * self.size[v as usize] {
+                    self.mesh.class[v as usize] = VertexClass::Curve;
+                }
+            }
+        }
     }
 
     /// Moves a vertex onto its foot.
