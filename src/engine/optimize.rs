@@ -1,6 +1,7 @@
 //! Optimisation of the assembled mesh on the input surface, across seams that are not features: flips, splits, collapses and
 //! tangential smoothing with projection to the input.
 
+mod capture;
 mod chase;
 mod input;
 mod kernel;
@@ -85,12 +86,16 @@ pub fn optimize_surface(
         work.step(2 * round as usize, stages)?;
     }
     if spec.rounds > 0 {
+        capture::capture(&mut state, work)?;
         for _ in 0..3 {
             rounds::flip_pass(&mut state, FlipGoal::Shape, work)?;
             rounds::smooth(&mut state, 2, work)?;
         }
         rounds::flip_pass(&mut state, FlipGoal::Shape, work)?;
         chase::chase(&mut state, spec.min_kappa, work)?;
+        if capture::capture(&mut state, work)? > 0 {
+            chase::chase(&mut state, spec.min_kappa, work)?;
+        }
         untangle::untangle(&mut state, work)?;
     }
     work.step(stages, stages)?;

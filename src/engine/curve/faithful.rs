@@ -11,6 +11,10 @@ use crate::work::Work;
 const FREE_DEVIATION: f64 = 0.07;
 /// Weight of the squared surplus deviation against the squared logarithm of the edge length in sizes.
 const DEVIATION_WEIGHT: f64 = 200.0;
+/// Chords should not be farther than this from the curve, in sizes.
+const MOST_DEVIATION: f64 = 0.085;
+/// Weight of the surplus over that: 0.01 sizes weigh as much as an edge of half or twice the size.
+const EXCESS_WEIGHT: f64 = 5000.0;
 /// Candidates per size, besides the vertices of the polyline.
 const CANDIDATES_PER_SIZE: f64 = 12.0;
 /// Shortest and longest edge considered, in sizes.
@@ -81,8 +85,9 @@ pub(super) fn divide(polyline: &CurvePolyline, exact: &Measured, work: &Work<'_>
             if length < EDGE_RANGE[0] || !cost[i].0.is_finite() {
                 continue;
             }
-            let surplus = (deviation(polyline, places[i].0, places[j].0) - FREE_DEVIATION).max(0.0);
-            let sum = cost[i].0 + length.ln() * length.ln() + DEVIATION_WEIGHT * surplus * surplus;
+            let deviation = deviation(polyline, places[i].0, places[j].0);
+            let (surplus, excess) = ((deviation - FREE_DEVIATION).max(0.0), (deviation - MOST_DEVIATION).max(0.0));
+            let sum = cost[i].0 + length.ln() * length.ln() + DEVIATION_WEIGHT * surplus * surplus + EXCESS_WEIGHT * excess * excess;
             if sum < cost[j].0 {
                 cost[j] = (sum, i);
             }

@@ -3,7 +3,7 @@
 use crate::bvh::{TriangleBvh, closest_on_triangle};
 use crate::mesh::SurfaceMesh;
 use crate::sizing::SizeField;
-use crate::vector::{Vec3, add, add_scaled, area_vector_twice, dot, scale, sub, unit};
+use crate::vector::{Vec3, add, add_scaled, area_vector_twice, dot, norm, scale, sub, unit};
 
 /// A point of the input.
 #[derive(Debug, Clone, Copy)]
@@ -135,6 +135,44 @@ impl<'a> Input<'a> {
             return foot.distance_squared;
         }
         self.bvh.closest_below(p, foot.distance_squared, 0.0).map_or(foot.distance_squared, |hit| hit.distance_squared)
+    }
+
+    /// Vertices with a face whose normal has a lower cosine with that of the vertex, in order.
+    pub(super) fn sharp_vertices(&self, least_cosine: f64) -> Vec<u32> {
+        let sharp = |v: u32| {
+            let normal = self.vertex_normal[v as usize];
+            self.faces_of(v).iter().any(|&f| dot(self.face_normal[f as usize], normal) < least_cosine)
+        };
+        (0..self.vertex_normal.len() as u32).filter(|&v| sharp(v)).collect()
+    }
+
+    /// A vertex as a foot; `None` for one on the boundary or of no face.
+    pub(super) fn inner_vertex(&self, v: u32) -> Option<Foot> {
+        let faces = self.faces_of(v);
+        let others = |f: u32| self.mesh.triangles[f as usize].into_iter().filter(|w| *w != v);
+        let mut ring: Vec<u32> = faces.iter().flat_map(|&f| others(f)).collect();
+        ring.sort_unstable();
+        let closed = ring.chunks(2).all(|pair| pair.len() == 2 && pair[0] == pair[1]);
+        let first = *faces.first()?;
+        closed.then(|| self.on_face(self.mesh.positions[v as usize], first))
+    }
+
+    /// Position of a vertex.
+    pub(super) fn position(&self, v: u32) -> Vec3 {
+        self.mesh.positions[v as usize]
+    }
+
+    /// Wanted edge length at a vertex.
+    pub(super) fn vertex_size(&self, v: u32) -> f64 {
+        self.sizes.uniform.unwrap_or_else(|| self.sizes.vertex_size[v as usize])
+    }
+
+    /// Length of the bounding box's diagonal.
+    pub(super) fn diagonal(&self) -> f64 {
+        let bounds = self.mesh.positions.iter().fold(([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]), |(low, high), p| {
+            (std::array::from_fn(|k| low[k].min(p[k])), std::array::from_fn(|k| high[k].max(p[k])))
+        });
+        norm(sub(bounds.1, bounds.0))
     }
 
     /// Normal of the face.

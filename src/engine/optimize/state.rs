@@ -19,6 +19,9 @@ const BENT: f64 = 0.94;
 /// Curve vertices may be dropped when the curve moves by no more than this, in local sizes.
 const CURVE_SAG: f64 = 0.04;
 
+/// The same on the boundary: the curve mesh has used up most of what the boundary may deviate.
+const BOUNDARY_SAG: f64 = 0.01;
+
 /// The same for features beside a face of lower kappa than [`NEEDLE`].
 const CURVE_SAG_AT_NEEDLES: f64 = 0.085;
 /// Kappa of faces to get rid of even where that moves a feature a little.
@@ -219,11 +222,16 @@ impl<'a> State<'a> {
                 return None;
             }
         }
-        let v = self.mesh.split(h, p);
+        Some(self.split_at(h, &foot))
+    }
+
+    /// Splits an edge at a foot, unguarded.
+    pub(super) fn split_at(&mut self, h: u32, foot: &Foot) -> u32 {
+        let v = self.mesh.split(h, foot.position);
         self.foot.push(foot.face);
-        self.size.push(self.input.size(&foot));
-        self.normal.push(self.input.normal(&foot));
-        Some(v)
+        self.size.push(self.input.size(foot));
+        self.normal.push(self.input.normal(foot));
+        v
     }
 
     /// Where the vertex goes when `h` is collapsed into the vertex it reaches.
@@ -283,7 +291,7 @@ impl<'a> State<'a> {
         let (a, b) = (self.mesh.from(h), self.mesh.to(h));
         let local = 0.5 * (self.size[a as usize] + self.size[b as usize]);
         let worst = self.kappa(h / 3).min(self.mesh.twin(h).map_or(1.0, |t| self.kappa(t / 3)));
-        let allowed = if worst < NEEDLE && !self.mesh.is_boundary_vertex(a) { CURVE_SAG_AT_NEEDLES } else { CURVE_SAG };
+        let allowed = if worst < NEEDLE && !self.mesh.is_boundary_vertex(a) { CURVE_SAG_AT_NEEDLES } else { self.curve_sag(a) };
         if self.mesh.is_on_curve(h) && !self.curve_stays(h, allowed * local) {
             return false;
         }
@@ -322,6 +330,11 @@ impl<'a> State<'a> {
         distance_to_segment(r, p, q) <= most
     }
 
+    /// How far the curve of a vertex may move away from it, in local sizes.
+    fn curve_sag(&self, v: u32) -> f64 {
+        if self.mesh.is_boundary_vertex(v) { BOUNDARY_SAG } else { CURVE_SAG }
+    }
+
     /// Where a curve vertex may slide along its curve, cutting off no more of it than allowed, with the least kappa around it then.
     pub(super) fn slides(&self, v: u32) -> Vec<(f64, Foot)> {
         let ends = self.curve_neighbours(v);
@@ -331,7 +344,7 @@ impl<'a> State<'a> {
         for (to, back) in [(a, b), (b, a)] {
             for share in [0.1, 0.2, 0.3, 0.45] {
                 let x = lerp(p, self.mesh.at(to), share);
-                if distance_to_segment(p, self.mesh.at(back), x) > CURVE_SAG * self.size[v as usize] {
+                if distance_to_segment(p, self.mesh.at(back), x) > self.curve_sag(v) * self.size[v as usize] {
                     break;
                 }
                 let mut least = 1f64;

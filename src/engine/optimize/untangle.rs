@@ -17,25 +17,25 @@ const LEAST_KAPPA: f64 = 0.3;
 /// Edges are not split below this many sizes.
 const SHORTEST: f64 = 0.5;
 
-type Corners = [Vec3; 3];
+pub(super) type Corners = [Vec3; 3];
 
 /// The faces near a place while the mesh changes: a tree made at the start of a round, and what came after it.
-struct Nearby {
-    bvh: TriangleBvh,
-    faces: Vec<u32>,
+pub(super) struct Nearby {
+    pub(super) bvh: TriangleBvh,
+    pub(super) faces: Vec<u32>,
     /// Faces from this slot on are newer than the tree.
     slots: u32,
 }
 
 impl Nearby {
-    fn new(mesh: &Kernel) -> Self {
+    pub(super) fn new(mesh: &Kernel) -> Self {
         let faces: Vec<u32> = mesh.faces_left().collect();
         let triangles: Vec<[u32; 3]> = faces.iter().map(|&f| mesh.corners(f)).collect();
         Nearby { bvh: TriangleBvh::build(&mesh.position, &triangles), faces, slots: mesh.face_slots() }
     }
 
     /// Faces that may meet a box; `margin` covers what faces have moved since the tree was made.
-    fn around(&self, mesh: &Kernel, low: Vec3, high: Vec3, margin: f64) -> Vec<u32> {
+    pub(super) fn around(&self, mesh: &Kernel, low: Vec3, high: Vec3, margin: f64) -> Vec<u32> {
         let mut found = Vec::new();
         self.bvh.faces_in_box(low.map(|x| x - margin), high.map(|x| x + margin), |i| {
             let f = self.faces[i as usize];
@@ -89,8 +89,8 @@ fn intersecting_faces(mesh: &Kernel, nearby: &Nearby, work: &Work<'_>) -> Result
 }
 
 /// The surroundings of a face: everything a step there may run into.
-struct Place {
-    others: Vec<u32>,
+pub(super) struct Place {
+    pub(super) others: Vec<u32>,
 }
 
 impl Place {
@@ -104,7 +104,7 @@ impl Place {
     }
 
     /// Intersecting pairs if the faces `gone` were replaced by `new`.
-    fn crossings(&self, mesh: &Kernel, gone: &[u32], new: &[Corners]) -> usize {
+    pub(super) fn crossings(&self, mesh: &Kernel, gone: &[u32], new: &[Corners]) -> usize {
         let mut count = 0;
         for &f in self.others.iter().filter(|f| mesh.is_face(**f) && !gone.contains(f)) {
             let points = mesh.points(f);
