@@ -1,7 +1,7 @@
 //! Division of a boundary or feature curve whose corners equal edges would cut: the best chain of points by dynamic programming,
 //! weighing edge lengths against the distance of the chords from the curve.
 
-use super::CurvePolyline;
+use super::{CurveKind, CurvePolyline};
 use super::discretize::{Measured, invert, point_at};
 use crate::error::Result;
 use crate::vector::{Vec3, add_scaled, distance, dot, sub};
@@ -19,6 +19,8 @@ const EXCESS_WEIGHT: f64 = 5000.0;
 const CANDIDATES_PER_SIZE: f64 = 12.0;
 /// Shortest and longest edge considered, in sizes.
 const EDGE_RANGE: [f64; 2] = [0.35, 1.7];
+/// Shortest edge considered on the boundary, whose notches are kept even where they are small.
+const SHORTEST_ON_BOUNDARY: f64 = 0.12;
 /// Chords farther than this from the curve, in sizes, make a curve worth the effort.
 pub(super) const CUT_DEVIATION: f64 = 0.09;
 
@@ -71,6 +73,7 @@ fn candidates(polyline: &CurvePolyline, exact: &Measured) -> Vec<(f64, f64)> {
 pub(super) fn divide(polyline: &CurvePolyline, exact: &Measured, work: &Work<'_>) -> Result<Option<Vec<f64>>> {
     let places = candidates(polyline, exact);
     let last = places.len() - 1;
+    let shortest = if polyline.kind == CurveKind::Boundary { SHORTEST_ON_BOUNDARY } else { EDGE_RANGE[0] };
     let mut cost = vec![(f64::INFINITY, 0usize); places.len()];
     cost[0].0 = 0.0;
     for j in 1..=last {
@@ -82,7 +85,7 @@ pub(super) fn divide(polyline: &CurvePolyline, exact: &Measured, work: &Work<'_>
             if length > EDGE_RANGE[1] {
                 break;
             }
-            if length < EDGE_RANGE[0] || !cost[i].0.is_finite() {
+            if length < shortest || !cost[i].0.is_finite() {
                 continue;
             }
             let deviation = deviation(polyline, places[i].0, places[j].0);

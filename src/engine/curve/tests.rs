@@ -156,3 +156,24 @@ fn closed_seam_without_junction_is_one_closed_curve() {
     assert_eq!(network.curves.len(), 1);
     assert!(network.curves[0].closed && network.curves[0].halfedges.len() == 4 && network.curves[0].min_edges == 3);
 }
+
+#[test]
+fn small_notches_of_the_boundary_stay() {
+    // Teeth of several depths, narrower than a third of an edge.
+    let mut points = vec![[0.0, 0.0, 0.0]];
+    for (i, depth) in [0.11, 0.13, 0.2, 0.4, 0.09].into_iter().enumerate() {
+        let x = 2.3 * (i + 1) as f64;
+        points.extend([[x - 0.06, 0.0, 0.0], [x, depth, 0.0], [x + 0.05, 0.01, 0.0]]);
+    }
+    points.push([14.0, 0.0, 0.0]);
+    let sizes = vec![1.0; points.len()];
+    let polyline = CurvePolyline { points, sizes, closed: false, kind: CurveKind::Boundary, min_edges: 1 };
+    let cancel = CancelToken::new();
+    let mesh = mesh_curve(&polyline, &Work::silent(&cancel)).unwrap();
+    for p in &polyline.points {
+        let chord = |w: &[CurvePoint]| crate::bvh::closest_on_triangle(*p, &[w[0].position, w[1].position, w[1].position]).0;
+        let away = mesh.points.windows(2).map(|w| crate::vector::distance(chord(w), *p)).fold(f64::INFINITY, f64::min);
+        assert!(away <= 0.1, "{p:?}: {away}");
+    }
+    assert!(mesh.points.len() < 40);
+}

@@ -51,7 +51,6 @@ pub(super) fn capture(state: &mut State<'_>, work: &Work<'_>) -> Result<usize> {
         work.check()?;
         captured += usize::from(capture_one(state, &nearby, l));
     }
-    if std::env::var("CAPDBG").is_ok() { eprintln!("capture: {} candidates {} lost {} captured; lost: {:?}", candidates.len(), lost.len(), captured, lost.iter().take(6).map(|l| (l.distance/state.input.vertex_size(l.vertex), state.input.position(l.vertex))).collect::<Vec<_>>()); }
     Ok(captured)
 }
 

@@ -227,3 +227,72 @@ fn no_rounds_change_nothing_and_cancelling_works() {
     let broken = optimize_surface(&mesh, &bvh, &start, &sizes, &OptimizeSpec::default(), &Work::silent(&token));
     assert_eq!(broken.unwrap_err().reason(), Reason::Invariant);
 }
+
+/// A square plate of n by n cells of a quarter, its vertices displaced.
+fn plate(n: u32, moved: impl Fn(f64, f64) -> Vec3) -> SurfaceMesh {
+    let mut positions = Vec::new();
+    for j in 0..=n {
+        for i in 0..=n {
+            let (x, y) = (0.25 * f64::from(i), 0.25 * f64::from(j));
+            let d = moved(x, y);
+            positions.push([x + d[0], y + d[1], d[2]]);
+        }
+    }
+    let at = |i: u32, j: u32| j * (n + 1) + i;
+    let mut triangles = Vec::new();
+    for j in 0..n {
+        for i in 0..n {
+            triangles.push([at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
+            triangles.push([at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
+        }
+    }
+    SurfaceMesh::from_parts(positions, triangles)
+}
+
+/// Optimises a start against an input of the same connectivity; the largest distance of a vertex of the input over the size.
+fn largest_miss(mesh: &SurfaceMesh, start: &Assembled, size: f64) -> (f64, QualityReport, Remeshed) {
+    let token = CancelToken::new();
+    let work = Work::silent(&token);
+    let bvh = TriangleBvh::build(&mesh.positions, &mesh.triangles);
+    let sizes = SizeField { vertex_size: vec![size; mesh.positions.len()], uniform: Some(size) };
+    let done = optimize_surface(mesh, &bvh, start, &sizes, &OptimizeSpec::default(), &work).unwrap();
+    let target = TargetSize::Uniform(size);
+    let report = measure_quality(mesh, &bvh, &done.mesh, Some(&target), QualityScope::Full, &work).unwrap();
+    let result = TriangleBvh::build(&done.mesh.positions, &done.mesh.triangles);
+    let away = |p: &Vec3| result.closest(*p).unwrap().distance_squared.sqrt() / size;
+    (mesh.positions.iter().map(away).fold(0.0, f64::max), report, done)
+}
+
+#[test]
+fn lost_spike_and_fin_are_captured() {
+    let flat = as_assembled(&plate(32, |_, _| [0.0; 3]));
+    let spike = |x: f64, y: f64| [0.0, 0.0, if x == 4.0 && y == 4.0 { 0.7 } else { 0.0 }];
+    let fin = |x: f64, y: f64| [0.0, 0.0, if (3.0..=5.0).contains(&x) && y == 4.0 { 0.4 } else { 0.0 }];
+    let shapes: [&dyn Fn(f64, f64) -> Vec3; 2] = [&spike, &fin];
+    for (shape, most) in shapes.into_iter().zip([0.05, 0.26]) {
+        let (miss, report, _) = largest_miss(&plate(32, shape), &flat, 0.6);
+        assert!(miss <= most, "{miss}");
+        assert!(report.topology_kept && report.self_intersections == Some(0));
+        assert!(report.shape.kappa_min >= 0.25, "{:?}", report.shape);
+    }
+}
+
+#[test]
+fn boundary_hardly_moves() {
+    // Rims that wave by 0.06 of the size: few of their vertices may go.
+    let wave = |x: f64, y: f64| {
+        let w = |t: f64| 0.03 * (9.0 * t).sin();
+        let side = |t: f64| t == 0.0 || t == 6.0;
+        [if side(x) { w(y) } else { 0.0 }, if side(y) { w(x) } else { 0.0 }, 0.0]
+    };
+    let mesh = plate(24, wave);
+    let start = as_assembled(&mesh);
+    let (_, report, done) = largest_miss(&mesh, &start, 0.5);
+    assert!(report.shape.kappa_min > 0.25);
+    let rims: Vec<[u32; 3]> = done.curve_edges.iter().map(|&[a, b]| [a, b, b]).collect();
+    let rims = TriangleBvh::build(&done.mesh.positions, &rims);
+    for (v, p) in mesh.positions.iter().enumerate().filter(|(v, _)| start.vertex_class[*v] != VertexClass::Free) {
+        let away = rims.closest(*p).unwrap().distance_squared.sqrt();
+        assert!(away <= 0.04 * 0.5, "{v}: {away}");
+    }
+}
