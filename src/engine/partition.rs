@@ -119,7 +119,7 @@ fn check_spec(spec: &PartitionSpec) -> Result<()> {
         return Err(EngineError::bad_parameter("max_patch_faces", "must be at least 1"));
     }
     // A flat disc has eta = 1/4, a hemisphere 1/2.
-    if !(spec.max_aspect_ratio >= 0.5) {
+    if spec.max_aspect_ratio.is_nan() || spec.max_aspect_ratio < 0.5 {
         return Err(EngineError::bad_parameter("max_aspect_ratio", "must be at least 0.5 (the value of a hemisphere)"));
     }
     Ok(())
