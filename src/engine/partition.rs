@@ -100,8 +100,11 @@ pub fn partition_surface(
     }
     let Divider { mut label, mut scratch, .. } = divider;
     let goal = Goal { patches: spec.patches, planned_faces: (MERGE_SLACK * wanted).min(f64::from(u32::MAX)) as u32, limits };
-    smooth::smooth_borders(&surface, &mut label, limits, work)?;
-    merge::merge_patches(&surface, &mut label, &goal, &mut scratch, work)?;
+    // Smooth borders merge better, and merged patches have new borders to smooth.
+    for _ in 0..2 {
+        smooth::smooth_borders(&surface, &mut label, limits, work)?;
+        merge::merge_patches(&surface, &mut label, &goal, &mut scratch, work)?;
+    }
     smooth::smooth_borders(&surface, &mut label, limits, work)?;
     finish(&surface, label, limits, work)
 }
@@ -119,7 +122,7 @@ fn check_spec(spec: &PartitionSpec) -> Result<()> {
         return Err(EngineError::bad_parameter("max_patch_faces", "must be at least 1"));
     }
     // A flat disc has eta = 1/4, a hemisphere 1/2.
-    if !(spec.max_aspect_ratio >= 0.5) {
+    if spec.max_aspect_ratio.is_nan() || spec.max_aspect_ratio < 0.5 {
         return Err(EngineError::bad_parameter("max_aspect_ratio", "must be at least 0.5 (the value of a hemisphere)"));
     }
     Ok(())
@@ -206,8 +209,11 @@ fn finish(surface: &Surface<'_>, mut label: Vec<u32>, limits: Limits, work: &Wor
     for (p, faces) in faces_by_patch(&label).iter().enumerate() {
         let piece = measure(surface, &label, faces, p as u32, &mut scratch);
         if piece.genus() != 0 || piece.loops == 0 {
-            return Err(EngineError::new(Reason::PatchTopology, format!("patch {p} has genus {} and {} boundary loops", piece.genus(), piece.loops))
-                .with_locations(faces.iter().map(|&f| surface.mesh.face_location(f as usize))));
+            return Err(EngineError::new(
+                Reason::PatchTopology,
+                format!("patch {p} has genus {} and {} boundary loops", piece.genus(), piece.loops),
+            )
+            .with_locations(faces.iter().map(|&f| surface.mesh.face_location(f as usize))));
         }
         patches.push(piece.summary());
     }

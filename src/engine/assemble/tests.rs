@@ -6,7 +6,7 @@ use crate::features::Features;
 use crate::parametrize::{Chart, ChartMethod, Distortion};
 use crate::partition::{Partition, PatchSummary};
 use crate::patch::Patch;
-use crate::planar::{Mesher, lift, mesh_chart};
+use crate::planar::{CurveUse, Mesher, lift, mesh_chart};
 use crate::vector::{norm, unit};
 use crate::work::{CancelToken, Work};
 use std::collections::BTreeMap;

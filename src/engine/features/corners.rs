@@ -17,7 +17,7 @@ const WINDOW_EDGES: usize = 12;
 pub(super) fn find_corners(mesh: &SurfaceMesh, topology: &Topology, is_feature: &[bool], work: &Work<'_>) -> Result<Vec<u32>> {
     let mut corners = Vec::new();
     for v in 0..topology.vertex_count() as u32 {
-        if v % 65_536 == 0 {
+        if v.is_multiple_of(65_536) {
             work.check()?;
         }
         let around = curve_neighbours(topology, is_feature, v);

@@ -17,7 +17,7 @@ const SWEEPS: usize = 4;
 /// Marks every interior edge whose faces' normals (see [`reference_normals`]) differ by at least `angle` radians.
 pub(super) fn mark_sharp(topology: &Topology, normals: &[Vec3], angle: f64, marks: &mut [Mark], work: &Work<'_>) -> Result<()> {
     for h in 0..topology.halfedge_count() as u32 {
-        if h % 65_536 == 0 {
+        if h.is_multiple_of(65_536) {
             work.check()?;
         }
         let Some(t) = topology.twin(h).filter(|&t| h < t) else { continue };

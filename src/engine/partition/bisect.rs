@@ -46,28 +46,28 @@ pub(super) fn bisect(graph: Graph, share: Share, work: &Work<'_>) -> Result<Vec<
         maps.push(map);
     }
     let Some(coarsest) = levels.last() else { return Ok(Vec::new()) };
-    let mut side = first_cut(coarsest, share, &mut scramble);
+    let mut side = first_cut(coarsest, share, &mut scramble, work)?;
     for level in (0..maps.len()).rev() {
         work.check()?;
         side = maps[level].iter().map(|&c| side[c as usize]).collect();
-        refine(&levels[level], share, &mut side);
+        refine(&levels[level], share, &mut side, work)?;
     }
     Ok(side)
 }
 
 /// The best of several growths from different seeds.
-fn first_cut(graph: &Graph, share: Share, scramble: &mut Scramble) -> Vec<bool> {
+fn first_cut(graph: &Graph, share: Share, scramble: &mut Scramble, work: &Work<'_>) -> Result<Vec<bool>> {
     let n = graph.len();
     let mut best: Option<((u64, u64), Vec<bool>)> = None;
     for _ in 0..GROWTHS.min(n) {
         let mut side = grow(graph, share, scramble.below(n) as u32);
-        refine(graph, share, &mut side);
+        refine(graph, share, &mut side, work)?;
         let key = (share.excess(weight_of_first(graph, &side)), cut_of(graph, &side));
         if best.as_ref().is_none_or(|(k, _)| key < *k) {
             best = Some((key, side));
         }
     }
-    best.map_or_else(|| vec![false; n], |(_, side)| side)
+    Ok(best.map_or_else(|| vec![false; n], |(_, side)| side))
 }
 
 fn weight_of_first(graph: &Graph, side: &[bool]) -> u64 {
@@ -118,13 +118,15 @@ fn grow(graph: &Graph, share: Share, seed: u32) -> Vec<bool> {
 }
 
 /// Fiduccia-Mattheyses passes until one brings nothing. Keeps or restores the share.
-fn refine(graph: &Graph, share: Share, side: &mut [bool]) {
+fn refine(graph: &Graph, share: Share, side: &mut [bool], work: &Work<'_>) -> Result<()> {
     let mut state = Refinement::new(graph, share, side);
     for _ in 0..PASSES {
+        work.check()?;
         if !state.pass(side) {
             break;
         }
     }
+    Ok(())
 }
 
 struct Refinement<'a> {

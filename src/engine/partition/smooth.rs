@@ -19,7 +19,8 @@ pub(super) fn smooth_borders(surface: &Surface<'_>, label: &mut [u32], limits: L
         size[p as usize] += 1;
     }
     let held = vertices_on_features(surface);
-    let mut mover = Mover { surface, label, size, held, most: limits.faces, around: Vec::new() };
+    let least = size.iter().map(|n| n.div_ceil(2)).collect();
+    let mut mover = Mover { surface, label, size, least, held, most: limits.faces, around: Vec::new() };
     let mut front: Vec<u32> = (0..surface.area.len() as u32).filter(|&f| mover.is_on_border(f)).collect();
     work.check()?;
     let mut queued = vec![0u32; surface.area.len()];
@@ -65,6 +66,8 @@ struct Mover<'a> {
     surface: &'a Surface<'a>,
     label: &'a mut [u32],
     size: Vec<u32>,
+    /// No patch loses more than half of its faces: small discs would shrink away.
+    least: Vec<u32>,
     /// Vertices on features: faces there stay, so that features never come to divide a patch.
     held: Vec<bool>,
     most: u32,
@@ -126,7 +129,8 @@ impl Mover<'_> {
     fn try_move(&mut self, f: u32, to: u32) -> bool {
         let from = self.label[f as usize];
         let free = self.corners(f).iter().all(|&v| !self.held[v as usize]);
-        let allowed = free && self.size[to as usize] < self.most && self.can_leave(f, from) && self.can_enter(f, to);
+        let room = self.size[to as usize] < self.most && self.size[from as usize] > self.least[from as usize];
+        let allowed = free && room && self.can_leave(f, from) && self.can_enter(f, to);
         if allowed {
             self.label[f as usize] = to;
             self.size[from as usize] -= 1;

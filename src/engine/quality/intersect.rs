@@ -17,7 +17,7 @@ pub fn self_intersections(mesh: &SurfaceMesh, bvh: &TriangleBvh, keep: usize, wo
     let mut visited = 0u64;
     bvh.overlapping_pairs(|f, g| -> Result<()> {
         visited += 1;
-        if visited % 8192 == 0 {
+        if visited.is_multiple_of(8192) {
             work.check()?;
         }
         if faces_intersect(&mesh.corners(f as usize), &mesh.corners(g as usize)) {

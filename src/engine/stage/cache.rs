@@ -66,14 +66,30 @@ enum Slot {
     Ready(Entry),
 }
 
-#[derive(Clone, Copy, PartialEq, PartialOrd)]
+/// A number that is ordered totally.
+#[derive(Clone, Copy)]
 struct Priority(f64);
+
+impl PartialEq for Priority {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
 impl Eq for Priority {}
+
+impl PartialOrd for Priority {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
 impl Ord for Priority {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
         self.0.total_cmp(&other.0)
     }
 }
+
 #[derive(Default)]
 struct State {
     slots: HashMap<StageKey, Slot>,
