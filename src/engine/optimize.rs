@@ -62,7 +62,8 @@ impl Contents for Remeshed {
 /// Free vertices end on the input (a few may be lifted off it by up to 0.1 of the local size where two sheets would otherwise
 /// cross). Curve vertices slide or go only where their curve moves by at most 0.04 of the local size, 0.085 where a needle vanishes;
 /// sharp turns fainter than that, off the boundary, do not count as corners; the boundary moves by at most 0.01 of it a step. Crests
-/// and tips of the input missed by more than 0.3 % of its diagonal (0.12 to 0.25 of the local size) get a vertex where one fits. Near-linear. Not guaranteed: that every face reaches
+/// and tips of the input missed by more than 0.3 % of its diagonal (0.12 to 0.25 of the local size) get a vertex where one fits.
+/// Near-linear. Not guaranteed: that every face reaches
 /// `min_kappa` (corners may be closer than elements are long), nor that no intersection is left where sheets nearly touch.
 ///
 /// # Errors

@@ -1,8 +1,8 @@
 //! Division of a boundary or feature curve whose corners equal edges would cut: the best chain of points by dynamic programming,
 //! weighing edge lengths against the distance of the chords from the curve.
 
-use super::{CurveKind, CurvePolyline};
 use super::discretize::{Measured, invert, point_at};
+use super::{CurveKind, CurvePolyline};
 use crate::error::Result;
 use crate::vector::{Vec3, add_scaled, distance, dot, sub};
 use crate::work::Work;
