@@ -16,9 +16,11 @@ const CHECK_EVERY: u32 = 1024;
 
 /// Splits until no edge is too long.
 pub(super) fn split_long(state: &mut State<'_>, work: &Work<'_>) -> Result<u32> {
-    let mut done = 0;
+    let (mut done, mut since) = (0, 0);
     for _ in 0..12 {
+        let sweep = state.activity.begin();
         let mut long: Vec<(f64, u32)> = edges(state)
+            .filter(|&h| is_new_edge(state, h, since))
             .map(|h| (state.ratio(h), h))
             .filter(|&(ratio, h)| ratio > if state.mesh.is_on_curve(h) { LONG_ON_CURVE } else { LONG })
             .collect();
@@ -34,6 +36,7 @@ pub(super) fn split_long(state: &mut State<'_>, work: &Work<'_>) -> Result<u32> 
             }
         }
         done += changed;
+        since = sweep;
         if changed == 0 {
             break;
         }
@@ -43,9 +46,11 @@ pub(super) fn split_long(state: &mut State<'_>, work: &Work<'_>) -> Result<u32> 
 
 /// Collapses short edges, shortest first.
 pub(super) fn collapse_short(state: &mut State<'_>, work: &Work<'_>) -> Result<u32> {
-    let mut done = 0;
+    let (mut done, mut since) = (0, 0);
     for _ in 0..12 {
-        let mut short: Vec<(f64, u32)> = edges(state).map(|h| (state.ratio(h), h)).filter(|x| x.0 < SHORT).collect();
+        let sweep = state.activity.begin();
+        let mut short: Vec<(f64, u32)> =
+            edges(state).filter(|&h| is_new_edge(state, h, since)).map(|h| (state.ratio(h), h)).filter(|x| x.0 < SHORT).collect();
         short.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
         let mut changed = 0;
         for (i, &(_, h)) in short.iter().enumerate() {
@@ -57,11 +62,19 @@ pub(super) fn collapse_short(state: &mut State<'_>, work: &Work<'_>) -> Result<u
             }
         }
         done += changed;
+        since = sweep;
         if changed == 0 {
             break;
         }
     }
     Ok(done)
+}
+
+/// Whether an edge, or a corner opposite of it, has changed.
+fn is_new_edge(state: &State<'_>, h: u32, since: u32) -> bool {
+    let m = &state.mesh;
+    let far = m.twin(h).map_or(m.to(h), |t| m.apex(t));
+    [m.from(h), m.to(h), m.apex(h), far].into_iter().any(|v| state.activity.is_new(v, since))
 }
 
 /// Collapses an edge in the better direction that works.
@@ -90,26 +103,33 @@ pub(super) enum FlipGoal {
     Shape,
 }
 
-/// Flips until nothing gains, at most a few sweeps.
-pub(super) fn flip_pass(state: &mut State<'_>, goal: FlipGoal, work: &Work<'_>) -> Result<u32> {
-    let mut done = 0;
+/// Flips until nothing gains, at most a few sweeps. Looks only at what has changed since sweep `since`, the answer of the pass
+/// before (0: at everything); returns the sweep from which on the next pass has to look.
+pub(super) fn flip_pass(state: &mut State<'_>, goal: FlipGoal, since: u32, work: &Work<'_>) -> Result<u32> {
+    let mut since = since;
     for _ in 0..6 {
+        let sweep = state.activity.begin();
         let mut changed = 0;
         for h in 0..3 * state.mesh.face_slots() {
             if h % CHECK_EVERY == 0 {
                 work.check()?;
             }
             let Some(t) = state.mesh.is_face(h / 3).then(|| state.mesh.twin(h)).flatten() else { continue };
-            if h < t && wants_flip(state, h, t, goal) && state.try_flip(h) {
+            if h < t && is_new_quad(state, h, t, since) && wants_flip(state, h, t, goal) && state.try_flip(h) {
                 changed += 1;
             }
         }
-        done += changed;
+        since = sweep;
         if changed == 0 {
             break;
         }
     }
-    Ok(done)
+    Ok(since)
+}
+
+fn is_new_quad(state: &State<'_>, h: u32, t: u32, since: u32) -> bool {
+    let m = &state.mesh;
+    [m.from(h), m.from(t), m.apex(h), m.apex(t)].into_iter().any(|v| state.activity.is_new(v, since))
 }
 
 fn wants_flip(state: &State<'_>, h: u32, t: u32, goal: FlipGoal) -> bool {
@@ -129,7 +149,7 @@ fn wants_flip(state: &State<'_>, h: u32, t: u32, goal: FlipGoal) -> bool {
     if change < 0 { after > 0.4 * before && after > 0.15 } else { change == 0 && after > before + 1e-3 }
 }
 
-/// Moves every free vertex towards the centroid of its star, `sweeps` times; returns the largest last move over the local size.
+/// Moves every free vertex that is not at rest towards the centroid of its star, `sweeps` times; returns the largest last move over the local size.
 pub(super) fn smooth(state: &mut State<'_>, sweeps: u32, work: &Work<'_>) -> Result<f64> {
     let mut largest = 0f64;
     for _ in 0..sweeps {
@@ -138,7 +158,7 @@ pub(super) fn smooth(state: &mut State<'_>, sweeps: u32, work: &Work<'_>) -> Res
             if v % CHECK_EVERY == 0 {
                 work.check()?;
             }
-            if state.mesh.is_vertex(v) && state.is_free(v) {
+            if state.mesh.is_vertex(v) && state.is_free(v) && state.activity.take_awake(v) {
                 largest = largest.max(smooth_vertex(state, v));
             }
         }
@@ -153,11 +173,11 @@ fn smooth_vertex(state: &mut State<'_>, v: u32) -> f64 {
     let target = star_centroid(state, v);
     let step = tangential(sub(target, p), normal);
     let before = state.star_kappa(v);
-    let sag = state.sag_limit(v, normal);
+    let mut sag = state.sag_limit(v, normal);
     for share in [1.0, 0.5, 0.2] {
         let foot = state.project_near(v, add(p, scale(step, share)));
         if let Some(least) = state.star_at(v, foot.position, normal) {
-            if least >= before.min(0.4) && sag.is_none_or(|most| state.star_sag(v, foot.position) <= most) {
+            if least >= before.min(0.4) && state.keeps_limit(v, foot.position, &mut sag) {
                 let moved = distance(p, foot.position) / state.size[v as usize];
                 state.place(v, &foot);
                 return moved;

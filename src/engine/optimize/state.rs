@@ -1,5 +1,6 @@
 //! The mesh under optimisation with the foot of every vertex on the input, and the guarded local operations.
 
+use super::activity::Activity;
 use super::input::{Foot, Input, middle};
 use super::kernel::{Kernel, next, prev};
 use crate::assemble::{Assembled, VertexClass};
@@ -23,6 +24,8 @@ const CURVE_SAG: f64 = 0.04;
 const CURVE_SAG_AT_NEEDLES: f64 = 0.085;
 /// Kappa of faces to get rid of even where that moves a feature a little.
 const NEEDLE: f64 = 0.3;
+/// A vertex that moves by less than this, in local sizes, has come to rest.
+const REST: f64 = 0.005;
 
 /// What is being optimised.
 pub(super) struct State<'a> {
@@ -32,19 +35,18 @@ pub(super) struct State<'a> {
     pub(super) foot: Vec<u32>,
     /// Wanted edge length at each vertex.
     pub(super) size: Vec<f64>,
-    /// Normal of the input at each vertex; means nothing on curves.
-    normal: Vec<Vec3>,
+    pub(super) activity: Activity,
 }
 
 impl<'a> State<'a> {
     pub(super) fn new(input: Input<'a>, assembled: &Assembled) -> Result<Self> {
         let mesh = Kernel::new(assembled)?;
-        let mut state = State { input, mesh, foot: assembled.vertex_face.clone(), size: Vec::new(), normal: Vec::new() };
+        let activity = Activity::new(mesh.vertex_slots() as usize);
+        let mut state = State { input, mesh, foot: assembled.vertex_face.clone(), size: Vec::new(), activity };
         for v in 0..state.mesh.vertex_slots() {
             let foot = state.input.walk(state.mesh.at(v), state.foot[v as usize]);
             state.foot[v as usize] = foot.face;
             state.size.push(state.input.size(&foot));
-            state.normal.push(state.input.normal(&foot));
         }
         state.release_faint_corners();
         Ok(state)
@@ -69,10 +71,28 @@ impl<'a> State<'a> {
     /// Moves a vertex onto its foot.
     pub(super) fn place(&mut self, v: u32, foot: &Foot) {
         let i = v as usize;
+        let moved = distance(self.mesh.position[i], foot.position);
         self.mesh.position[i] = foot.position;
         self.foot[i] = foot.face;
         self.size[i] = self.input.size(foot);
-        self.normal[i] = self.input.normal(foot);
+        if moved > REST * self.size[i] {
+            self.activity.mark_changed(v);
+            self.wake_star(v);
+        }
+    }
+
+    /// A vertex and its neighbours are to be smoothed again.
+    fn wake_star(&mut self, v: u32) {
+        self.activity.wake(v);
+        self.mesh.neighbours(v).for_each(|n| self.activity.wake(n));
+    }
+
+    /// The edges of these vertices are new.
+    fn mark_connected(&mut self, vertices: &[u32]) {
+        for &v in vertices {
+            self.activity.mark_changed(v);
+            self.activity.wake(v);
+        }
     }
 
     pub(super) fn is_free(&self, v: u32) -> bool {
@@ -166,17 +186,16 @@ impl<'a> State<'a> {
         }
         let flat = kappa(a, b, c).min(kappa(b, a, d)) < FLAT;
         if flat || cosine(m, n) < 0.97 || cosine(p, q) < 0.97 {
-            let (now, then) = (self.present_sag(ends[0], a, b), self.sag(ends[2], c, d));
-            let local = self.size[ends[2] as usize];
-            if then > (SAG * local).max(now) {
+            let then = self.sag(ends[2], c, d);
+            if then > SAG * self.size[ends[2] as usize] && then > self.present_sag(ends[0], a, b) {
                 return false;
             }
-            let agree = |s: &Self| s.agrees(ends[0], [a, d, c]) && s.agrees(ends[1], [b, c, d]);
-            if !agree(self) {
+            if !(self.agrees(ends[0], [a, d, c]) && self.agrees(ends[1], [b, c, d])) {
                 return false;
             }
         }
         self.mesh.flip(h);
+        self.mark_connected(&ends);
         true
     }
 
@@ -222,7 +241,9 @@ impl<'a> State<'a> {
         let v = self.mesh.split(h, p);
         self.foot.push(foot.face);
         self.size.push(self.input.size(&foot));
-        self.normal.push(self.input.normal(&foot));
+        self.activity.push();
+        let ring: Vec<u32> = self.mesh.neighbours(v).collect();
+        self.mark_connected(&ring);
         Some(v)
     }
 
@@ -310,6 +331,9 @@ impl<'a> State<'a> {
         if self.is_free(b) {
             self.place(b, foot);
         }
+        self.activity.mark_changed(b);
+        let ring: Vec<u32> = self.mesh.neighbours(b).collect();
+        self.mark_connected(&ring);
         true
     }
 
@@ -389,9 +413,26 @@ impl<'a> State<'a> {
         largest.sqrt()
     }
 
-    /// The sag a move of a vertex must not exceed; `None` where the star is flat enough for any move.
-    pub(super) fn sag_limit(&self, v: u32, normal: Vec3) -> Option<f64> {
-        self.is_bent(v, normal).then(|| self.present_star_sag(v).max(0.5 * SAG * self.size[v as usize]))
+    /// What a move of a vertex must not exceed.
+    pub(super) fn sag_limit(&self, v: u32, normal: Vec3) -> SagLimit {
+        if self.is_bent(v, normal) { SagLimit::Unless(0.5 * SAG * self.size[v as usize]) } else { SagLimit::None }
+    }
+
+    /// Whether the star of a vertex moved to `p` keeps a limit.
+    pub(super) fn keeps_limit(&self, v: u32, p: Vec3, limit: &mut SagLimit) -> bool {
+        match *limit {
+            SagLimit::None => true,
+            SagLimit::AtMost(most) => self.star_sag(v, p) <= most,
+            SagLimit::Unless(small) => {
+                let then = self.star_sag(v, p);
+                if then <= small {
+                    return true;
+                }
+                let most = self.present_star_sag(v).max(small);
+                *limit = SagLimit::AtMost(most);
+                then <= most
+            }
+        }
     }
 
     /// [`State::star_sag`] of the star as it is, not overestimated.
@@ -424,6 +465,17 @@ impl<'a> State<'a> {
     pub(super) fn project_near(&self, v: u32, p: Vec3) -> Foot {
         self.input.project(p, self.foot[v as usize], 0.5 * self.size[v as usize])
     }
+}
+
+/// How far from the input a star may come when its vertex moves, in the measure of [`State::star_sag`].
+#[derive(Debug, Clone, Copy)]
+pub(super) enum SagLimit {
+    /// The star is flat enough for any move.
+    None,
+    /// This far, or as far as the star is now, which is not known yet: it is dear to know and seldom asked for.
+    Unless(f64),
+    /// This far.
+    AtMost(f64),
 }
 
 /// Cosine of the angle between two vectors; -1 if one is zero.
