@@ -6,6 +6,7 @@ mod chase;
 mod input;
 mod kernel;
 mod rounds;
+mod sag;
 mod state;
 mod untangle;
 
@@ -78,10 +79,10 @@ pub fn optimize_surface(
     check(input, assembled, sizes)?;
     let mut state = State::new(Input::new(input, bvh, sizes), assembled)?;
     let stages = 2 * spec.rounds as usize + 4;
-    let (mut valences, mut shapes) = (0, 0);
+    let (mut splits, mut collapses, mut valences, mut shapes) = (0, 0, 0, 0);
     for round in 0..spec.rounds {
-        rounds::split_long(&mut state, work)?;
-        rounds::collapse_short(&mut state, work)?;
+        splits = rounds::split_long(&mut state, splits, work)?;
+        collapses = rounds::collapse_short(&mut state, collapses, work)?;
         valences = rounds::flip_pass(&mut state, FlipGoal::Valence, valences, work)?;
         rounds::smooth(&mut state, 3, work)?;
         work.step(2 * round as usize, stages)?;

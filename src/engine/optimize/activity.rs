@@ -1,5 +1,7 @@
 //! What is new where: the passes skip what has not changed since they last looked.
 
+use super::state::State;
+
 /// Marks of the vertices.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Activity {
@@ -47,5 +49,21 @@ impl Activity {
     #[inline]
     pub(super) fn take_awake(&mut self, v: u32) -> bool {
         std::mem::replace(&mut self.awake[v as usize], false)
+    }
+}
+
+impl State<'_> {
+    /// A vertex and its neighbours are to be smoothed again.
+    pub(super) fn wake_star(&mut self, v: u32) {
+        self.activity.wake(v);
+        self.mesh.neighbours(v).for_each(|n| self.activity.wake(n));
+    }
+
+    /// The edges of these vertices are new.
+    pub(super) fn mark_connected(&mut self, vertices: &[u32]) {
+        for &v in vertices {
+            self.activity.mark_changed(v);
+            self.activity.wake(v);
+        }
     }
 }

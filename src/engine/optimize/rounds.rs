@@ -14,9 +14,9 @@ const SHORT: f64 = 4.0 / 5.0;
 /// Operations between two checks for cancellation.
 const CHECK_EVERY: u32 = 1024;
 
-/// Splits until no edge is too long.
-pub(super) fn split_long(state: &mut State<'_>, work: &Work<'_>) -> Result<u32> {
-    let (mut done, mut since) = (0, 0);
+/// Splits until no edge is too long. `since` as in [`flip_pass`].
+pub(super) fn split_long(state: &mut State<'_>, since: u32, work: &Work<'_>) -> Result<u32> {
+    let mut since = since;
     for _ in 0..12 {
         let sweep = state.activity.begin();
         let mut long: Vec<(f64, u32)> = edges(state)
@@ -35,18 +35,17 @@ pub(super) fn split_long(state: &mut State<'_>, work: &Work<'_>) -> Result<u32> 
                 changed += 1;
             }
         }
-        done += changed;
         since = sweep;
         if changed == 0 {
             break;
         }
     }
-    Ok(done)
+    Ok(since)
 }
 
-/// Collapses short edges, shortest first.
-pub(super) fn collapse_short(state: &mut State<'_>, work: &Work<'_>) -> Result<u32> {
-    let (mut done, mut since) = (0, 0);
+/// Collapses short edges, shortest first. `since` as in [`flip_pass`].
+pub(super) fn collapse_short(state: &mut State<'_>, since: u32, work: &Work<'_>) -> Result<u32> {
+    let mut since = since;
     for _ in 0..12 {
         let sweep = state.activity.begin();
         let mut short: Vec<(f64, u32)> =
@@ -61,13 +60,12 @@ pub(super) fn collapse_short(state: &mut State<'_>, work: &Work<'_>) -> Result<u
                 changed += 1;
             }
         }
-        done += changed;
         since = sweep;
         if changed == 0 {
             break;
         }
     }
-    Ok(done)
+    Ok(since)
 }
 
 /// Whether an edge, or a corner opposite of it, has changed.
@@ -110,13 +108,19 @@ pub(super) fn flip_pass(state: &mut State<'_>, goal: FlipGoal, since: u32, work:
     for _ in 0..6 {
         let sweep = state.activity.begin();
         let mut changed = 0;
-        for h in 0..3 * state.mesh.face_slots() {
-            if h % CHECK_EVERY == 0 {
+        for f in 0..state.mesh.face_slots() {
+            if f % CHECK_EVERY == 0 {
                 work.check()?;
             }
-            let Some(t) = state.mesh.is_face(h / 3).then(|| state.mesh.twin(h)).flatten() else { continue };
-            if h < t && is_new_quad(state, h, t, since) && wants_flip(state, h, t, goal) && state.try_flip(h) {
-                changed += 1;
+            if !is_new_face(state, f, since) {
+                continue;
+            }
+            for h in 3 * f..3 * f + 3 {
+                let Some(t) = state.mesh.twin(h) else { continue };
+                // An edge between two new faces has its turn in the first.
+                if (h < t || !is_new_face(state, t / 3, since)) && wants_flip(state, h, t, goal) && state.try_flip(h) {
+                    changed += 1;
+                }
             }
         }
         since = sweep;
@@ -127,9 +131,8 @@ pub(super) fn flip_pass(state: &mut State<'_>, goal: FlipGoal, since: u32, work:
     Ok(since)
 }
 
-fn is_new_quad(state: &State<'_>, h: u32, t: u32, since: u32) -> bool {
-    let m = &state.mesh;
-    [m.from(h), m.from(t), m.apex(h), m.apex(t)].into_iter().any(|v| state.activity.is_new(v, since))
+fn is_new_face(state: &State<'_>, f: u32, since: u32) -> bool {
+    state.mesh.is_face(f) && state.mesh.corners(f).into_iter().any(|v| state.activity.is_new(v, since))
 }
 
 fn wants_flip(state: &State<'_>, h: u32, t: u32, goal: FlipGoal) -> bool {
@@ -172,12 +175,11 @@ fn smooth_vertex(state: &mut State<'_>, v: u32) -> f64 {
     let normal = state.star_normal(v);
     let target = star_centroid(state, v);
     let step = tangential(sub(target, p), normal);
-    let before = state.star_kappa(v);
     let mut sag = state.sag_limit(v, normal);
     for share in [1.0, 0.5, 0.2] {
         let foot = state.project_near(v, add(p, scale(step, share)));
         if let Some(least) = state.star_at(v, foot.position, normal) {
-            if least >= before.min(0.4) && state.keeps_limit(v, foot.position, &mut sag) {
+            if (least >= 0.4 || least >= state.star_kappa(v)) && state.keeps_limit(v, foot.position, &mut sag) {
                 let moved = distance(p, foot.position) / state.size[v as usize];
                 state.place(v, &foot);
                 return moved;

@@ -12,11 +12,11 @@ const TURN: f64 = 0.3;
 /// Least cosine between a face and the normal of the input under its middle, where it is asked for.
 const AGREE: f64 = 0.25;
 /// Edge midpoints may be this far from the input, in local sizes, without further question.
-const SAG: f64 = 0.1;
+pub(super) const SAG: f64 = 0.1;
 /// Faces of lower kappa have no normal to rely on.
 const FLAT: f64 = 0.02;
 /// A star with a face whose normal has a lower cosine with that of the whole star is bent.
-const BENT: f64 = 0.94;
+pub(super) const BENT: f64 = 0.94;
 /// Curve vertices may be dropped when the curve moves by no more than this, in local sizes.
 const CURVE_SAG: f64 = 0.04;
 
@@ -81,20 +81,6 @@ impl<'a> State<'a> {
         }
     }
 
-    /// A vertex and its neighbours are to be smoothed again.
-    fn wake_star(&mut self, v: u32) {
-        self.activity.wake(v);
-        self.mesh.neighbours(v).for_each(|n| self.activity.wake(n));
-    }
-
-    /// The edges of these vertices are new.
-    fn mark_connected(&mut self, vertices: &[u32]) {
-        for &v in vertices {
-            self.activity.mark_changed(v);
-            self.activity.wake(v);
-        }
-    }
-
     pub(super) fn is_free(&self, v: u32) -> bool {
         self.mesh.class[v as usize] == VertexClass::Free
     }
@@ -118,18 +104,6 @@ impl<'a> State<'a> {
     /// Least kappa of the faces around a vertex.
     pub(super) fn star_kappa(&self, v: u32) -> f64 {
         self.mesh.around(v).map(|h| self.kappa(h / 3)).fold(1.0, f64::min)
-    }
-
-    /// Distance from the input to the middle of a segment that starts at a vertex.
-    fn sag(&self, from: u32, p: Vec3, q: Vec3) -> f64 {
-        self.input.walk(lerp(p, q, 0.5), self.foot[from as usize]).distance_squared.sqrt()
-    }
-
-    /// The same for a segment of the mesh as it is, not overestimated.
-    fn present_sag(&self, from: u32, p: Vec3, q: Vec3) -> f64 {
-        let x = lerp(p, q, 0.5);
-        let foot = self.input.walk(x, self.foot[from as usize]);
-        self.input.true_distance_squared(x, &foot, SAG * self.size[from as usize]).sqrt()
     }
 
     /// Whether the face with these corners, the first of which is near vertex `near`, looks the way of the input.
@@ -388,69 +362,20 @@ impl<'a> State<'a> {
         found
     }
 
-    /// Whether the faces around a vertex look in clearly different ways: the vertex may sit on a crest that a move would cut off.
-    pub(super) fn is_bent(&self, v: u32, normal: Vec3) -> bool {
-        self.mesh.around(v).any(|h| {
-            let n = self.mesh.area_vector(h / 3);
-            dot(n, normal) < BENT * norm(n)
-        })
-    }
-
-    /// Largest distance from the input to the middles of the edges and faces around a vertex, were it at `p`.
-    pub(super) fn star_sag(&self, v: u32, p: Vec3) -> f64 {
-        self.largest_sag(v, p, |_, foot| foot.distance_squared)
-    }
-
-    fn largest_sag(&self, v: u32, p: Vec3, distance_squared: impl Fn(Vec3, &Foot) -> f64) -> f64 {
-        let from = self.foot[v as usize];
-        let mut largest = 0f64;
-        for h in self.mesh.around(v) {
-            let (q, r) = (self.mesh.at(self.mesh.to(h)), self.mesh.at(self.mesh.apex(h)));
-            for x in [lerp(p, q, 0.5), middle([p, q, r])] {
-                largest = largest.max(distance_squared(x, &self.input.walk(x, from)));
-            }
-        }
-        largest.sqrt()
-    }
-
-    /// What a move of a vertex must not exceed.
-    pub(super) fn sag_limit(&self, v: u32, normal: Vec3) -> SagLimit {
-        if self.is_bent(v, normal) { SagLimit::Unless(0.5 * SAG * self.size[v as usize]) } else { SagLimit::None }
-    }
-
-    /// Whether the star of a vertex moved to `p` keeps a limit.
-    pub(super) fn keeps_limit(&self, v: u32, p: Vec3, limit: &mut SagLimit) -> bool {
-        match *limit {
-            SagLimit::None => true,
-            SagLimit::AtMost(most) => self.star_sag(v, p) <= most,
-            SagLimit::Unless(small) => {
-                let then = self.star_sag(v, p);
-                if then <= small {
-                    return true;
-                }
-                let most = self.present_star_sag(v).max(small);
-                *limit = SagLimit::AtMost(most);
-                then <= most
-            }
-        }
-    }
-
-    /// [`State::star_sag`] of the star as it is, not overestimated.
-    pub(super) fn present_star_sag(&self, v: u32) -> f64 {
-        let small = 0.5 * SAG * self.size[v as usize];
-        self.largest_sag(v, self.mesh.at(v), |x, foot| self.input.true_distance_squared(x, foot, small))
-    }
-
     /// Whether the star of a vertex moved to `p` keeps the way its faces look; the least kappa then.
     pub(super) fn star_at(&self, v: u32, p: Vec3, normal: Vec3) -> Option<f64> {
         let mut least = 1f64;
         for h in self.mesh.around(v) {
             let (q, r) = (self.mesh.at(self.mesh.to(h)), self.mesh.at(self.mesh.apex(h)));
             let n = area_vector_twice(p, q, r);
-            if dot(n, normal) < TURN * norm(n) {
+            let square = dot(n, n);
+            let along = dot(n, normal);
+            if along < 0.0 || along * along < TURN * TURN * square {
                 return None;
             }
-            least = least.min(kappa(p, q, r));
+            let product = distance(q, r) * distance(r, p) * distance(p, q);
+            let around = distance(q, r) + distance(r, p) + distance(p, q);
+            least = least.min(if product > 0.0 { 4.0 * square / (around * product) } else { 0.0 });
         }
         Some(least)
     }
@@ -465,17 +390,6 @@ impl<'a> State<'a> {
     pub(super) fn project_near(&self, v: u32, p: Vec3) -> Foot {
         self.input.project(p, self.foot[v as usize], 0.5 * self.size[v as usize])
     }
-}
-
-/// How far from the input a star may come when its vertex moves, in the measure of [`State::star_sag`].
-#[derive(Debug, Clone, Copy)]
-pub(super) enum SagLimit {
-    /// The star is flat enough for any move.
-    None,
-    /// This far, or as far as the star is now, which is not known yet: it is dear to know and seldom asked for.
-    Unless(f64),
-    /// This far.
-    AtMost(f64),
 }
 
 /// Cosine of the angle between two vectors; -1 if one is zero.
