@@ -223,6 +223,12 @@ impl TriangleBvh {
         Ok(())
     }
 
+    /// Corners of a face.
+    #[inline]
+    pub(crate) fn corners_of(&self, face: u32) -> &[Vec3; 3] {
+        &self.corners[self.slot[face as usize] as usize]
+    }
+
     /// Bytes held.
     pub fn bytes(&self) -> usize {
         self.nodes.len() * std::mem::size_of::<Node>() + self.corners.len() * (72 + 8)

@@ -154,7 +154,12 @@ pub struct PatchCurve {
 /// The curves of every patch: boundary curves of the patch and features inside it, in local vertices. `patches` are all patches of
 /// the partition, in order. A feature with the patch on both sides is listed once, unless the patch was cut open along it; then twice.
 /// O(total length of the curves + F).
-pub fn patch_curves(topology: &Topology, network: &CurveNetwork, partition: &Partition, patches: &[(Patch, PatchMap)]) -> Vec<Vec<PatchCurve>> {
+pub fn patch_curves(
+    topology: &Topology,
+    network: &CurveNetwork,
+    partition: &Partition,
+    patches: &[(Patch, PatchMap)],
+) -> Vec<Vec<PatchCurve>> {
     let mut local_face = vec![0u32; partition.face_patch.len()];
     for (_, map) in patches {
         map.faces.iter().enumerate().for_each(|(i, &f)| local_face[f as usize] = i as u32);

@@ -1,11 +1,13 @@
 //! Optimisation of the assembled mesh on the input surface, across seams that are not features: flips, splits, collapses and
 //! tangential smoothing with projection to the input.
 
+mod activity;
 mod capture;
 mod chase;
 mod input;
 mod kernel;
 mod rounds;
+mod sag;
 mod state;
 mod untangle;
 
@@ -80,20 +82,21 @@ pub fn optimize_surface(
     check(input, assembled, sizes)?;
     let mut state = State::new(Input::new(input, bvh, sizes), assembled)?;
     let stages = 2 * spec.rounds as usize + 4;
+    let (mut splits, mut collapses, mut valences, mut shapes) = (0, 0, 0, 0);
     for round in 0..spec.rounds {
-        rounds::split_long(&mut state, work)?;
-        rounds::collapse_short(&mut state, work)?;
-        rounds::flip_pass(&mut state, FlipGoal::Valence, work)?;
+        splits = rounds::split_long(&mut state, splits, work)?;
+        collapses = rounds::collapse_short(&mut state, collapses, work)?;
+        valences = rounds::flip_pass(&mut state, FlipGoal::Valence, valences, work)?;
         rounds::smooth(&mut state, 3, work)?;
         work.step(2 * round as usize, stages)?;
     }
     if spec.rounds > 0 {
         capture::capture(&mut state, work)?;
         for _ in 0..3 {
-            rounds::flip_pass(&mut state, FlipGoal::Shape, work)?;
+            shapes = rounds::flip_pass(&mut state, FlipGoal::Shape, shapes, work)?;
             rounds::smooth(&mut state, 2, work)?;
         }
-        rounds::flip_pass(&mut state, FlipGoal::Shape, work)?;
+        rounds::flip_pass(&mut state, FlipGoal::Shape, 0, work)?;
         chase::chase(&mut state, spec.min_kappa, work)?;
         if capture::capture(&mut state, work)? > 0 {
             chase::chase(&mut state, spec.min_kappa, work)?;

@@ -143,7 +143,7 @@ pub(super) fn move_vertex(state: &mut State<'_>, v: u32, touched: &mut Vec<u32>)
     }
     let start = state.star_kappa(v);
     let normal = state.star_normal(v);
-    let sag = state.sag_limit(v, normal);
+    let mut sag = state.sag_limit(v, normal);
     let axis = if normal[0].abs() < 0.6 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
     let u = unit(tangential(axis, normal));
     let w = cross(normal, u);
@@ -161,7 +161,7 @@ pub(super) fn move_vertex(state: &mut State<'_>, v: u32, touched: &mut Vec<u32>)
             let p = add_scaled(add_scaled(at, u, step * cos), w, step * sin);
             let foot = state.project_near(v, p);
             if let Some(k) = state.star_at(v, foot.position, normal) {
-                if k > level && sag.is_none_or(|most| state.star_sag(v, foot.position) <= most) {
+                if k > level && state.keeps_limit(v, foot.position, &mut sag) {
                     level = k;
                     found = Some(foot);
                 }

@@ -58,8 +58,9 @@ impl<'a> Input<'a> {
         Input { mesh, bvh, sizes, first, faces, face_normal, vertex_normal }
     }
 
+    #[inline]
     fn on_face(&self, p: Vec3, face: u32) -> Foot {
-        let (position, barycentric) = closest_on_triangle(p, &self.mesh.corners(face as usize));
+        let (position, barycentric) = closest_on_triangle(p, self.bvh.corners_of(face));
         // Traces of rounding near 0 would underflow in products later.
         let position = position.map(|x| if x.abs() < NOTHING { 0.0 } else { x });
         let offset = sub(p, position);

@@ -14,11 +14,13 @@ const SHORT: f64 = 4.0 / 5.0;
 /// Operations between two checks for cancellation.
 const CHECK_EVERY: u32 = 1024;
 
-/// Splits until no edge is too long.
-pub(super) fn split_long(state: &mut State<'_>, work: &Work<'_>) -> Result<u32> {
-    let mut done = 0;
+/// Splits until no edge is too long. `since` as in [`flip_pass`].
+pub(super) fn split_long(state: &mut State<'_>, since: u32, work: &Work<'_>) -> Result<u32> {
+    let mut since = since;
     for _ in 0..12 {
+        let sweep = state.activity.begin();
         let mut long: Vec<(f64, u32)> = edges(state)
+            .filter(|&h| is_new_edge(state, h, since))
             .map(|h| (state.ratio(h), h))
             .filter(|&(ratio, h)| ratio > if state.mesh.is_on_curve(h) { LONG_ON_CURVE } else { LONG })
             .collect();
@@ -33,19 +35,21 @@ pub(super) fn split_long(state: &mut State<'_>, work: &Work<'_>) -> Result<u32> 
                 changed += 1;
             }
         }
-        done += changed;
+        since = sweep;
         if changed == 0 {
             break;
         }
     }
-    Ok(done)
+    Ok(since)
 }
 
-/// Collapses short edges, shortest first.
-pub(super) fn collapse_short(state: &mut State<'_>, work: &Work<'_>) -> Result<u32> {
-    let mut done = 0;
+/// Collapses short edges, shortest first. `since` as in [`flip_pass`].
+pub(super) fn collapse_short(state: &mut State<'_>, since: u32, work: &Work<'_>) -> Result<u32> {
+    let mut since = since;
     for _ in 0..12 {
-        let mut short: Vec<(f64, u32)> = edges(state).map(|h| (state.ratio(h), h)).filter(|x| x.0 < SHORT).collect();
+        let sweep = state.activity.begin();
+        let mut short: Vec<(f64, u32)> =
+            edges(state).filter(|&h| is_new_edge(state, h, since)).map(|h| (state.ratio(h), h)).filter(|x| x.0 < SHORT).collect();
         short.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
         let mut changed = 0;
         for (i, &(_, h)) in short.iter().enumerate() {
@@ -56,12 +60,19 @@ pub(super) fn collapse_short(state: &mut State<'_>, work: &Work<'_>) -> Result<u
                 changed += 1;
             }
         }
-        done += changed;
+        since = sweep;
         if changed == 0 {
             break;
         }
     }
-    Ok(done)
+    Ok(since)
+}
+
+/// Whether an edge, or a corner opposite of it, has changed.
+fn is_new_edge(state: &State<'_>, h: u32, since: u32) -> bool {
+    let m = &state.mesh;
+    let far = m.twin(h).map_or(m.to(h), |t| m.apex(t));
+    [m.from(h), m.to(h), m.apex(h), far].into_iter().any(|v| state.activity.is_new(v, since))
 }
 
 /// Collapses an edge in the better direction that works.
@@ -90,26 +101,38 @@ pub(super) enum FlipGoal {
     Shape,
 }
 
-/// Flips until nothing gains, at most a few sweeps.
-pub(super) fn flip_pass(state: &mut State<'_>, goal: FlipGoal, work: &Work<'_>) -> Result<u32> {
-    let mut done = 0;
+/// Flips until nothing gains, at most a few sweeps. Looks only at what has changed since sweep `since`, the answer of the pass
+/// before (0: at everything); returns the sweep from which on the next pass has to look.
+pub(super) fn flip_pass(state: &mut State<'_>, goal: FlipGoal, since: u32, work: &Work<'_>) -> Result<u32> {
+    let mut since = since;
     for _ in 0..6 {
+        let sweep = state.activity.begin();
         let mut changed = 0;
-        for h in 0..3 * state.mesh.face_slots() {
-            if h % CHECK_EVERY == 0 {
+        for f in 0..state.mesh.face_slots() {
+            if f % CHECK_EVERY == 0 {
                 work.check()?;
             }
-            let Some(t) = state.mesh.is_face(h / 3).then(|| state.mesh.twin(h)).flatten() else { continue };
-            if h < t && wants_flip(state, h, t, goal) && state.try_flip(h) {
-                changed += 1;
+            if !is_new_face(state, f, since) {
+                continue;
+            }
+            for h in 3 * f..3 * f + 3 {
+                let Some(t) = state.mesh.twin(h) else { continue };
+                // An edge between two new faces has its turn in the first.
+                if (h < t || !is_new_face(state, t / 3, since)) && wants_flip(state, h, t, goal) && state.try_flip(h) {
+                    changed += 1;
+                }
             }
         }
-        done += changed;
+        since = sweep;
         if changed == 0 {
             break;
         }
     }
-    Ok(done)
+    Ok(since)
+}
+
+fn is_new_face(state: &State<'_>, f: u32, since: u32) -> bool {
+    state.mesh.is_face(f) && state.mesh.corners(f).into_iter().any(|v| state.activity.is_new(v, since))
 }
 
 fn wants_flip(state: &State<'_>, h: u32, t: u32, goal: FlipGoal) -> bool {
@@ -129,7 +152,7 @@ fn wants_flip(state: &State<'_>, h: u32, t: u32, goal: FlipGoal) -> bool {
     if change < 0 { after > 0.4 * before && after > 0.15 } else { change == 0 && after > before + 1e-3 }
 }
 
-/// Moves every free vertex towards the centroid of its star, `sweeps` times; returns the largest last move over the local size.
+/// Moves every free vertex that is not at rest towards the centroid of its star, `sweeps` times; returns the largest last move over the local size.
 pub(super) fn smooth(state: &mut State<'_>, sweeps: u32, work: &Work<'_>) -> Result<f64> {
     let mut largest = 0f64;
     for _ in 0..sweeps {
@@ -138,7 +161,7 @@ pub(super) fn smooth(state: &mut State<'_>, sweeps: u32, work: &Work<'_>) -> Res
             if v % CHECK_EVERY == 0 {
                 work.check()?;
             }
-            if state.mesh.is_vertex(v) && state.is_free(v) {
+            if state.mesh.is_vertex(v) && state.is_free(v) && state.activity.take_awake(v) {
                 largest = largest.max(smooth_vertex(state, v));
             }
         }
@@ -152,12 +175,11 @@ fn smooth_vertex(state: &mut State<'_>, v: u32) -> f64 {
     let normal = state.star_normal(v);
     let target = star_centroid(state, v);
     let step = tangential(sub(target, p), normal);
-    let before = state.star_kappa(v);
-    let sag = state.sag_limit(v, normal);
+    let mut sag = state.sag_limit(v, normal);
     for share in [1.0, 0.5, 0.2] {
         let foot = state.project_near(v, add(p, scale(step, share)));
         if let Some(least) = state.star_at(v, foot.position, normal) {
-            if least >= before.min(0.4) && sag.is_none_or(|most| state.star_sag(v, foot.position) <= most) {
+            if (least >= 0.4 || least >= state.star_kappa(v)) && state.keeps_limit(v, foot.position, &mut sag) {
                 let moved = distance(p, foot.position) / state.size[v as usize];
                 state.place(v, &foot);
                 return moved;

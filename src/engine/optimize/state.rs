@@ -1,5 +1,6 @@
 //! The mesh under optimisation with the foot of every vertex on the input, and the guarded local operations.
 
+use super::activity::Activity;
 use super::input::{Foot, Input, middle};
 use super::kernel::{Kernel, next, prev};
 use crate::assemble::{Assembled, VertexClass};
@@ -11,11 +12,11 @@ const TURN: f64 = 0.3;
 /// Least cosine between a face and the normal of the input under its middle, where it is asked for.
 const AGREE: f64 = 0.25;
 /// Edge midpoints may be this far from the input, in local sizes, without further question.
-const SAG: f64 = 0.1;
+pub(super) const SAG: f64 = 0.1;
 /// Faces of lower kappa have no normal to rely on.
 const FLAT: f64 = 0.02;
 /// A star with a face whose normal has a lower cosine with that of the whole star is bent.
-const BENT: f64 = 0.94;
+pub(super) const BENT: f64 = 0.94;
 /// Curve vertices may be dropped when the curve moves by no more than this, in local sizes.
 const CURVE_SAG: f64 = 0.04;
 
@@ -26,6 +27,8 @@ const BOUNDARY_SAG: f64 = 0.01;
 const CURVE_SAG_AT_NEEDLES: f64 = 0.085;
 /// Kappa of faces to get rid of even where that moves a feature a little.
 const NEEDLE: f64 = 0.3;
+/// A vertex that moves by less than this, in local sizes, has come to rest.
+const REST: f64 = 0.005;
 
 /// What is being optimised.
 pub(super) struct State<'a> {
@@ -35,19 +38,18 @@ pub(super) struct State<'a> {
     pub(super) foot: Vec<u32>,
     /// Wanted edge length at each vertex.
     pub(super) size: Vec<f64>,
-    /// Normal of the input at each vertex; means nothing on curves.
-    normal: Vec<Vec3>,
+    pub(super) activity: Activity,
 }
 
 impl<'a> State<'a> {
     pub(super) fn new(input: Input<'a>, assembled: &Assembled) -> Result<Self> {
         let mesh = Kernel::new(assembled)?;
-        let mut state = State { input, mesh, foot: assembled.vertex_face.clone(), size: Vec::new(), normal: Vec::new() };
+        let activity = Activity::new(mesh.vertex_slots() as usize);
+        let mut state = State { input, mesh, foot: assembled.vertex_face.clone(), size: Vec::new(), activity };
         for v in 0..state.mesh.vertex_slots() {
             let foot = state.input.walk(state.mesh.at(v), state.foot[v as usize]);
             state.foot[v as usize] = foot.face;
             state.size.push(state.input.size(&foot));
-            state.normal.push(state.input.normal(&foot));
         }
         state.release_faint_corners();
         Ok(state)
@@ -72,10 +74,14 @@ impl<'a> State<'a> {
     /// Moves a vertex onto its foot.
     pub(super) fn place(&mut self, v: u32, foot: &Foot) {
         let i = v as usize;
+        let moved = distance(self.mesh.position[i], foot.position);
         self.mesh.position[i] = foot.position;
         self.foot[i] = foot.face;
         self.size[i] = self.input.size(foot);
-        self.normal[i] = self.input.normal(foot);
+        if moved > REST * self.size[i] {
+            self.activity.mark_changed(v);
+            self.wake_star(v);
+        }
     }
 
     pub(super) fn is_free(&self, v: u32) -> bool {
@@ -101,18 +107,6 @@ impl<'a> State<'a> {
     /// Least kappa of the faces around a vertex.
     pub(super) fn star_kappa(&self, v: u32) -> f64 {
         self.mesh.around(v).map(|h| self.kappa(h / 3)).fold(1.0, f64::min)
-    }
-
-    /// Distance from the input to the middle of a segment that starts at a vertex.
-    fn sag(&self, from: u32, p: Vec3, q: Vec3) -> f64 {
-        self.input.walk(lerp(p, q, 0.5), self.foot[from as usize]).distance_squared.sqrt()
-    }
-
-    /// The same for a segment of the mesh as it is, not overestimated.
-    fn present_sag(&self, from: u32, p: Vec3, q: Vec3) -> f64 {
-        let x = lerp(p, q, 0.5);
-        let foot = self.input.walk(x, self.foot[from as usize]);
-        self.input.true_distance_squared(x, &foot, SAG * self.size[from as usize]).sqrt()
     }
 
     /// Whether the face with these corners, the first of which is near vertex `near`, looks the way of the input.
@@ -169,17 +163,16 @@ impl<'a> State<'a> {
         }
         let flat = kappa(a, b, c).min(kappa(b, a, d)) < FLAT;
         if flat || cosine(m, n) < 0.97 || cosine(p, q) < 0.97 {
-            let (now, then) = (self.present_sag(ends[0], a, b), self.sag(ends[2], c, d));
-            let local = self.size[ends[2] as usize];
-            if then > (SAG * local).max(now) {
+            let then = self.sag(ends[2], c, d);
+            if then > SAG * self.size[ends[2] as usize] && then > self.present_sag(ends[0], a, b) {
                 return false;
             }
-            let agree = |s: &Self| s.agrees(ends[0], [a, d, c]) && s.agrees(ends[1], [b, c, d]);
-            if !agree(self) {
+            if !(self.agrees(ends[0], [a, d, c]) && self.agrees(ends[1], [b, c, d])) {
                 return false;
             }
         }
         self.mesh.flip(h);
+        self.mark_connected(&ends);
         true
     }
 
@@ -230,7 +223,9 @@ impl<'a> State<'a> {
         let v = self.mesh.split(h, foot.position);
         self.foot.push(foot.face);
         self.size.push(self.input.size(foot));
-        self.normal.push(self.input.normal(foot));
+        self.activity.push();
+        let ring: Vec<u32> = self.mesh.neighbours(v).collect();
+        self.mark_connected(&ring);
         v
     }
 
@@ -318,6 +313,9 @@ impl<'a> State<'a> {
         if self.is_free(b) {
             self.place(b, foot);
         }
+        self.activity.mark_changed(b);
+        let ring: Vec<u32> = self.mesh.neighbours(b).collect();
+        self.mark_connected(&ring);
         true
     }
 
@@ -377,52 +375,20 @@ impl<'a> State<'a> {
         found
     }
 
-    /// Whether the faces around a vertex look in clearly different ways: the vertex may sit on a crest that a move would cut off.
-    pub(super) fn is_bent(&self, v: u32, normal: Vec3) -> bool {
-        self.mesh.around(v).any(|h| {
-            let n = self.mesh.area_vector(h / 3);
-            dot(n, normal) < BENT * norm(n)
-        })
-    }
-
-    /// Largest distance from the input to the middles of the edges and faces around a vertex, were it at `p`.
-    pub(super) fn star_sag(&self, v: u32, p: Vec3) -> f64 {
-        self.largest_sag(v, p, |_, foot| foot.distance_squared)
-    }
-
-    fn largest_sag(&self, v: u32, p: Vec3, distance_squared: impl Fn(Vec3, &Foot) -> f64) -> f64 {
-        let from = self.foot[v as usize];
-        let mut largest = 0f64;
-        for h in self.mesh.around(v) {
-            let (q, r) = (self.mesh.at(self.mesh.to(h)), self.mesh.at(self.mesh.apex(h)));
-            for x in [lerp(p, q, 0.5), middle([p, q, r])] {
-                largest = largest.max(distance_squared(x, &self.input.walk(x, from)));
-            }
-        }
-        largest.sqrt()
-    }
-
-    /// The sag a move of a vertex must not exceed; `None` where the star is flat enough for any move.
-    pub(super) fn sag_limit(&self, v: u32, normal: Vec3) -> Option<f64> {
-        self.is_bent(v, normal).then(|| self.present_star_sag(v).max(0.5 * SAG * self.size[v as usize]))
-    }
-
-    /// [`State::star_sag`] of the star as it is, not overestimated.
-    pub(super) fn present_star_sag(&self, v: u32) -> f64 {
-        let small = 0.5 * SAG * self.size[v as usize];
-        self.largest_sag(v, self.mesh.at(v), |x, foot| self.input.true_distance_squared(x, foot, small))
-    }
-
     /// Whether the star of a vertex moved to `p` keeps the way its faces look; the least kappa then.
     pub(super) fn star_at(&self, v: u32, p: Vec3, normal: Vec3) -> Option<f64> {
         let mut least = 1f64;
         for h in self.mesh.around(v) {
             let (q, r) = (self.mesh.at(self.mesh.to(h)), self.mesh.at(self.mesh.apex(h)));
             let n = area_vector_twice(p, q, r);
-            if dot(n, normal) < TURN * norm(n) {
+            let square = dot(n, n);
+            let along = dot(n, normal);
+            if along < 0.0 || along * along < TURN * TURN * square {
                 return None;
             }
-            least = least.min(kappa(p, q, r));
+            let product = distance(q, r) * distance(r, p) * distance(p, q);
+            let around = distance(q, r) + distance(r, p) + distance(p, q);
+            least = least.min(if product > 0.0 { 4.0 * square / (around * product) } else { 0.0 });
         }
         Some(least)
     }

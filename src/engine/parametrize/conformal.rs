@@ -36,8 +36,8 @@ pub(super) struct Conformal {
 /// L + shift B, upper triangle.
 pub(super) fn conformal_matrix(domain: &Domain<'_>, boundary: &[u32], mass: &[f64], shift: f64) -> Result<ComplexMatrix> {
     let mut diagonal = vec![0.0; domain.size()];
-    for t in domain.triangles() {
-        let cot = domain.flat(t).thickened().cotangents();
+    let cotangents: Vec<[f64; 3]> = domain.triangles().map(|t| domain.flat(t).thickened().cotangents()).collect();
+    for (t, cot) in domain.triangles().zip(&cotangents) {
         for k in 0..3 {
             diagonal[t[k] as usize] += 0.5 * (cot[(k + 1) % 3] + cot[(k + 2) % 3]);
         }
@@ -46,8 +46,7 @@ pub(super) fn conformal_matrix(domain: &Domain<'_>, boundary: &[u32], mass: &[f6
         diagonal[v as usize] += shift * m;
     }
     let columns = domain.triangles().flat_map(|t| (0..3).map(move |k| t[k].max(t[(k + 1) % 3])));
-    let edges = domain.triangles().flat_map(|t| {
-        let cot = domain.flat(t).thickened().cotangents();
+    let edges = domain.triangles().zip(&cotangents).flat_map(|(t, cot)| {
         (0..3).map(move |k| {
             let (i, j) = (t[k], t[(k + 1) % 3]);
             let area = if i < j { 0.5 } else { -0.5 };
