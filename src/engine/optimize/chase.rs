@@ -160,11 +160,12 @@ pub(super) fn move_vertex(state: &mut State<'_>, v: u32, touched: &mut Vec<u32>)
             let (sin, cos) = (f64::from(k) * std::f64::consts::FRAC_PI_4).sin_cos();
             let p = add_scaled(add_scaled(at, u, step * cos), w, step * sin);
             let foot = state.project_near(v, p);
-            if let Some(k) = state.star_at(v, foot.position, normal) {
-                if k > level && state.keeps_limit(v, foot.position, &mut sag) {
-                    level = k;
-                    found = Some(foot);
-                }
+            if let Some(k) = state.star_at(v, foot.position, normal)
+                && k > level
+                && state.keeps_limit(v, foot.position, &mut sag)
+            {
+                level = k;
+                found = Some(foot);
             }
         }
         match found {

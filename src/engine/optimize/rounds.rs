@@ -27,7 +27,7 @@ pub(super) fn split_long(state: &mut State<'_>, since: u32, work: &Work<'_>) -> 
         long.sort_unstable_by(|x, y| y.0.total_cmp(&x.0).then(x.1.cmp(&y.1)));
         let mut changed = 0;
         for (i, &(ratio, h)) in long.iter().enumerate() {
-            if i as u32 % CHECK_EVERY == 0 {
+            if (i as u32).is_multiple_of(CHECK_EVERY) {
                 work.check()?;
             }
             // Splits beside it leave an edge as it is, so its length is still right unless it was itself replaced.
@@ -53,7 +53,7 @@ pub(super) fn collapse_short(state: &mut State<'_>, since: u32, work: &Work<'_>)
         short.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
         let mut changed = 0;
         for (i, &(_, h)) in short.iter().enumerate() {
-            if i as u32 % CHECK_EVERY == 0 {
+            if (i as u32).is_multiple_of(CHECK_EVERY) {
                 work.check()?;
             }
             if state.mesh.is_face(h / 3) && state.ratio(h) < SHORT && collapse_edge(state, h) {
@@ -109,7 +109,7 @@ pub(super) fn flip_pass(state: &mut State<'_>, goal: FlipGoal, since: u32, work:
         let sweep = state.activity.begin();
         let mut changed = 0;
         for f in 0..state.mesh.face_slots() {
-            if f % CHECK_EVERY == 0 {
+            if f.is_multiple_of(CHECK_EVERY) {
                 work.check()?;
             }
             if !is_new_face(state, f, since) {
@@ -158,7 +158,7 @@ pub(super) fn smooth(state: &mut State<'_>, sweeps: u32, work: &Work<'_>) -> Res
     for _ in 0..sweeps {
         largest = 0.0;
         for v in 0..state.mesh.vertex_slots() {
-            if v % CHECK_EVERY == 0 {
+            if v.is_multiple_of(CHECK_EVERY) {
                 work.check()?;
             }
             if state.mesh.is_vertex(v) && state.is_free(v) && state.activity.take_awake(v) {
@@ -178,12 +178,13 @@ fn smooth_vertex(state: &mut State<'_>, v: u32) -> f64 {
     let mut sag = state.sag_limit(v, normal);
     for share in [1.0, 0.5, 0.2] {
         let foot = state.project_near(v, add(p, scale(step, share)));
-        if let Some(least) = state.star_at(v, foot.position, normal) {
-            if (least >= 0.4 || least >= state.star_kappa(v)) && state.keeps_limit(v, foot.position, &mut sag) {
-                let moved = distance(p, foot.position) / state.size[v as usize];
-                state.place(v, &foot);
-                return moved;
-            }
+        if let Some(least) = state.star_at(v, foot.position, normal)
+            && (least >= 0.4 || least >= state.star_kappa(v))
+            && state.keeps_limit(v, foot.position, &mut sag)
+        {
+            let moved = distance(p, foot.position) / state.size[v as usize];
+            state.place(v, &foot);
+            return moved;
         }
     }
     0.0
