@@ -84,7 +84,8 @@ fn main() {
         let again = measure(&engine, &session, threads);
         println!("\n{threads} thread(s)       cold ms (runs)      resized ms (runs/hits)");
         for stage in Stage::ALL {
-            let (Some(c), Some(r)) = (cold.stages.get(&stage), resized.stages.get(&stage)) else { continue };
+            let Some(c) = cold.stages.get(&stage) else { continue };
+            let r = resized.stages.get(&stage).copied().unwrap_or_default();
             println!("  {:<12} {:>9.1} ({:>4})      {:>9.1} ({:>4}/{:>4})", stage.name(), c.0, c.1, r.0, r.1, r.2);
         }
         for (name, t) in [("cold", &cold), ("resized", &resized), ("unchanged", &again)] {
