@@ -4935,6 +4935,9 @@ pub struct RemeshResult {
     /// What ran.
     #[prost(message, optional, tag = "4")]
     pub summary: ::core::option::Option<RunSummary>,
+    /// What a user should know of the result: faces that still intersect, far more or fewer triangles than asked for.
+    #[prost(string, repeated, tag = "5")]
+    pub warnings: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
 }
 /// Response of RemeshSurface: progress, then the result.
 #[derive(Clone, PartialEq, ::prost::Message)]

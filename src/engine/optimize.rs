@@ -46,6 +46,8 @@ pub struct Remeshed {
     pub face_patch: Vec<u32>,
     /// Edges on boundary and feature curves (vertex pairs, low first, sorted).
     pub curve_edges: Vec<[u32; 2]>,
+    /// Faces that still intersect others after repair; `None` if that was not checked (no rounds).
+    pub crossing_faces: Option<u32>,
 }
 
 impl Contents for Remeshed {
@@ -83,6 +85,7 @@ pub fn optimize_surface(
     let mut state = State::new(Input::new(input, bvh, sizes), assembled)?;
     let stages = 2 * spec.rounds as usize + 4;
     let (mut splits, mut collapses, mut valences, mut shapes) = (0, 0, 0, 0);
+    let mut crossing = None;
     for round in 0..spec.rounds {
         splits = rounds::split_long(&mut state, splits, work)?;
         collapses = rounds::collapse_short(&mut state, collapses, work)?;
@@ -101,10 +104,10 @@ pub fn optimize_surface(
         if capture::capture(&mut state, work)? > 0 {
             chase::chase(&mut state, spec.min_kappa, work)?;
         }
-        untangle::untangle(&mut state, work)?;
+        crossing = Some(untangle::untangle(&mut state, work)? as u32);
     }
     work.step(stages, stages)?;
-    Ok(finish(input, &state))
+    Ok(Remeshed { crossing_faces: crossing, ..finish(input, &state) })
 }
 
 fn check(input: &SurfaceMesh, assembled: &Assembled, sizes: &SizeField) -> Result<()> {

@@ -18,7 +18,7 @@ use crate::partition::Partition;
 use crate::planar::LiftedPatch;
 use crate::quality::{QualityReport, QualityScope};
 use crate::session::{MeshSource, Snapshot};
-use crate::sizing::SizeField;
+use crate::sizing::{SizeField, SizeSpec};
 use crate::stage::{StageRecord, Stored};
 use crate::topology::Topology;
 use context::Context;
@@ -77,6 +77,25 @@ pub struct Remesh {
     pub sizes: Stored<SizeField>,
     /// The finished mesh.
     pub result: Stored<Remeshed>,
+}
+
+impl Remesh {
+    /// What a user should know of the result, one sentence each; empty if all is well.
+    pub fn warnings(&self, snapshot: &Snapshot) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if let Some(count) = self.result.crossing_faces.filter(|&count| count > 0) {
+            warnings.push(format!("{count} faces of the result intersect others; a smaller size follows narrow places more closely"));
+        }
+        if let Some(SizeSpec::TriangleCount { triangles }) = snapshot.size {
+            let made = self.result.mesh.triangles.len() as u64;
+            if made * 2 > triangles * 3 || made * 3 < triangles * 2 {
+                warnings.push(format!(
+                    "{triangles} triangles were asked for and {made} made: features and boundaries need other sizes than that"
+                ));
+            }
+        }
+        warnings
+    }
 }
 
 /// Imports the surface of a snapshot, whether or not it can be remeshed.

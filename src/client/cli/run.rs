@@ -51,7 +51,7 @@ pub(crate) async fn run(context: &Context, args: &RunArgs) -> Outcome<Report> {
     drop(bar);
 
     target.write(&exported.bytes)?;
-    exported.warnings.iter().for_each(|warning| context.ui.warn(warning));
+    result.warnings.iter().chain(&exported.warnings).for_each(|warning| context.ui.warn(warning));
     let done = Done { imported, result, quality, exported };
     Ok(report(args, &done))
 }
@@ -90,6 +90,7 @@ fn report(args: &RunArgs, done: &Done) -> Report {
         "shape": done.result.shape.as_ref().map(json::shape),
         "quality": full.map(json::quality),
         "work": json::work(milliseconds, &groups),
+        "warnings": done.result.warnings,
         "output": exported_json(&args.output, &done.exported),
         "before_after": args.before_after.as_ref().map(|path| path.display().to_string()),
     });

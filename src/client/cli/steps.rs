@@ -149,6 +149,7 @@ pub(crate) async fn remesh(context: &Context, args: &PatchesArgs) -> Outcome<Rep
     let bar = context.ui.bar("remesh");
     let result = context.client.remesh(&args.session.session, &args.patches, |progress| bar.progress(progress)).await?;
     drop(bar);
+    result.warnings.iter().for_each(|warning| context.ui.warn(warning));
     let mut text = summary::line("patches", summary::grouped(result.patches.len() as u64));
     if let Some(mesh) = &result.mesh {
         text += &summary::line("result", summary::mesh(mesh));

@@ -50,11 +50,10 @@ impl Nearby {
 
 /// Repairs; returns the number of faces that still intersect others (the input may intersect itself).
 pub(super) fn untangle(state: &mut State<'_>, work: &Work<'_>) -> Result<usize> {
-    let mut left = 0;
     for _ in 0..MOST_ROUNDS {
         let nearby = Nearby::new(&state.mesh);
         let faces = intersecting_faces(&state.mesh, &nearby, work)?;
-        left = faces.len();
+        let found = faces.len();
         let mut changed = false;
         for f in faces {
             work.check()?;
@@ -63,10 +62,10 @@ pub(super) fn untangle(state: &mut State<'_>, work: &Work<'_>) -> Result<usize> 
             }
         }
         if !changed {
-            break;
+            return Ok(found);
         }
     }
-    Ok(left)
+    Ok(intersecting_faces(&state.mesh, &Nearby::new(&state.mesh), work)?.len())
 }
 
 /// Faces that meet another face in more than what they share, sorted.

@@ -13,7 +13,7 @@ const CALIBRATION: f64 = 12_000.0;
 /// only finer spacings are tried and the best fit among those is returned.
 ///
 /// # Errors
-/// Those of `make`; [`crate::error::Reason::Invariant`] if no spacing tried gave a surface.
+/// Those of `make`; [`crate::error::Reason::BadParameter`] if no spacing tried gave a surface: too few triangles for the topology.
 pub(super) fn fit(target: u64, first_spacing: f64, mut make: impl FnMut(f64) -> Result<Option<SurfaceMesh>>) -> Result<SurfaceMesh> {
     let target = target as f64;
     let mut goal = target.min(CALIBRATION);
@@ -43,5 +43,8 @@ pub(super) fn fit(target: u64, first_spacing: f64, mut make: impl FnMut(f64) -> 
         }
         spacing = next;
     }
-    best.map(|(_, mesh)| mesh).ok_or_else(|| EngineError::invariant("no spacing tried gave the sample its topology"))
+    best.map(|(_, mesh)| mesh).ok_or_else(|| {
+        EngineError::bad_parameter("sample.triangles", "too few triangles for the topology of the shape")
+            .with_hint("ask for more triangles")
+    })
 }

@@ -31,6 +31,7 @@ fn remesh_all(shared: &Shared, run: &Run<'_>, snapshot: &Snapshot) -> EngineResu
         patches: to_proto::patches_of_result(&mesh.triangles, &remesh.result.face_patch, mesh.positions.len()),
         shape: Some(to_proto::shape(&report.shape)),
         summary: Some(to_proto::summary(&answer.records, begin.elapsed().as_secs_f64() * 1e3)),
+        warnings: remesh.warnings(snapshot),
     })
 }
 
@@ -47,6 +48,7 @@ fn remesh_listed(shared: &Shared, run: &Run<'_>, snapshot: &Snapshot, patches: &
         patches: meshes.collect(),
         shape: None,
         summary: Some(to_proto::summary(&answer.records, begin.elapsed().as_secs_f64() * 1e3)),
+        warnings: Vec::new(),
     })
 }
 
@@ -120,10 +122,11 @@ fn one_call(shared: &Shared, run: &Run<'_>, request: v1::RemeshMeshRequest) -> E
     let answer = pipeline::quality(&shared.engine, &snapshot, scope, run)?;
     let (remesh, report) = answer.value;
     let written = write(&remesh.result.mesh, Some(&remesh.result.face_patch), format, encoding)?;
+    let warnings = remesh.warnings(&snapshot).into_iter().chain(written.warnings).collect();
     check_inline(shared, written.bytes.len(), "the result")?;
     Ok(v1::RemeshMeshResponse {
         data: written.bytes.into(),
-        warnings: written.warnings,
+        warnings,
         mesh: Some(to_proto::mesh_summary(&remesh.result.mesh)),
         report: Some(to_proto::import_report(&remesh.charts.surface.imported.report)),
         quality: Some(to_proto::quality(&report)),
