@@ -2686,7 +2686,7 @@ pub struct SampleSpec {
     /// About how many triangles. Default 20000.
     #[prost(uint64, optional, tag = "2")]
     pub triangles: ::core::option::Option<u64>,
-    /// Handles of the pelvis, vanes of the brake. Default: the usual.
+    /// Handles (genus) of the pelvis or of the brake; other kinds refuse it. Default: the usual.
     #[prost(uint32, optional, tag = "3")]
     pub genus: ::core::option::Option<u32>,
     /// Outlets of the artery. Default 9.
