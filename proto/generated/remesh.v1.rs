@@ -1132,8 +1132,12 @@ pub enum ChartMethod {
     SpectralConformal = 2,
     /// Least squares conformal map with two pins.
     LeastSquaresConformal = 3,
-    /// Mean value map onto a disc.
+    /// Mean value convex map onto a given boundary.
     MeanValue = 4,
+    /// Harmonic map (cotangent weights) onto a given boundary.
+    Harmonic = 5,
+    /// Barycentric convex map (Tutte) onto a given boundary.
+    Barycentric = 6,
 }
 impl ChartMethod {
     /// String value of the enum field names used in the ProtoBuf definition.
@@ -1147,6 +1151,8 @@ impl ChartMethod {
             Self::SpectralConformal => "CHART_METHOD_SPECTRAL_CONFORMAL",
             Self::LeastSquaresConformal => "CHART_METHOD_LEAST_SQUARES_CONFORMAL",
             Self::MeanValue => "CHART_METHOD_MEAN_VALUE",
+            Self::Harmonic => "CHART_METHOD_HARMONIC",
+            Self::Barycentric => "CHART_METHOD_BARYCENTRIC",
         }
     }
     /// Creates an enum from field names used in the ProtoBuf definition.
@@ -1157,6 +1163,8 @@ impl ChartMethod {
             "CHART_METHOD_SPECTRAL_CONFORMAL" => Some(Self::SpectralConformal),
             "CHART_METHOD_LEAST_SQUARES_CONFORMAL" => Some(Self::LeastSquaresConformal),
             "CHART_METHOD_MEAN_VALUE" => Some(Self::MeanValue),
+            "CHART_METHOD_HARMONIC" => Some(Self::Harmonic),
+            "CHART_METHOD_BARYCENTRIC" => Some(Self::Barycentric),
             _ => None,
         }
     }

@@ -225,6 +225,11 @@ impl EngineError {
         EngineError::new(Reason::BadParameter, format!("{field}: {message}")).with_metadata("field", field)
     }
 
+    /// Whether it ends the work as a whole rather than one way of doing it: cancelled, out of time or memory, or a bug.
+    pub fn stops_work(&self) -> bool {
+        matches!(self.kind(), ErrorKind::Cancelled | ErrorKind::DeadlineExceeded | ErrorKind::Internal | ErrorKind::ResourceExhausted)
+    }
+
     /// A broken invariant of the engine.
     pub fn invariant(message: impl Into<String>) -> Self {
         EngineError::new(Reason::Invariant, message)

@@ -7,108 +7,22 @@ mod domain;
 mod ears;
 mod mean_value;
 mod mend;
+mod outcome;
 mod place;
+mod spec;
 mod validity;
 
+pub use outcome::{Chart, ChartAttempt, ChartOutcome, Distortion, FaceDistortion, Filling, HoleFilling, Spread};
+pub use spec::{Boundary, BoundaryShape, ChartMethod, ChartSpec, Holes, MAX_CORNERS, MAX_PINS, OuterLoop, Pin, Pins, Spacing};
+
 use crate::error::{Element, EngineError, ErrorKind, Location, Reason, Result};
-use crate::fingerprint::{Contents, Feeder};
 use crate::patch::Patch;
 use crate::vector::{Vec2, distance};
 use crate::work::Work;
 use conformal::{Conformal, as_points};
-use domain::{Domain, Filling};
+use domain::{Domain, Filling as Virtual};
 use place::{FaceShapes, chart_areas, distortion, place};
 use validity::{boundary_overlaps, scale_variation};
-
-/// A map to the plane.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum ChartMethod {
-    /// Smallest non-zero generalized eigenvector of the conformal energy and the boundary mass (P1 eq. 29).
-    SpectralConformal,
-    /// Least squares conformal map with two pinned boundary vertices (P1 section 2.3).
-    LeastSquaresConformal,
-    /// Mean value convex combination map onto a circle (P1 eq. 14, 26); always bijective for a disc.
-    MeanValue,
-}
-
-/// Which chart is wanted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum ChartSpec {
-    /// Spectral conformal, LSCM or mean value: the first that passes the checks (P1 figure 23).
-    #[default]
-    Automatic,
-    /// This method or an error, never another.
-    Only(ChartMethod),
-}
-
-/// Distortion of a chart over its faces.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Distortion {
-    /// Largest over smallest singular value of the map, area-weighted mean (1 = conformal).
-    pub angle_mean: f64,
-    /// Its maximum.
-    pub angle_max: f64,
-    /// Smallest ratio of chart area to surface area of a face (after scaling the whole chart to the area of the patch).
-    pub area_min: f64,
-    /// Largest such ratio.
-    pub area_max: f64,
-}
-
-/// One method that was tried and what the checks said.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ChartAttempt {
-    /// The method.
-    pub method: ChartMethod,
-    /// Faces of negative or zero area in the plane.
-    pub flipped: u32,
-    /// Whether the boundary crosses itself in the plane (global overlap).
-    pub overlaps: bool,
-    /// Why it was not taken; empty for the one that was.
-    pub rejected: String,
-}
-
-/// A bijective chart. The patch is scaled so that chart area equals surface area; all faces are counter-clockwise.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Chart {
-    /// Plane position of each patch vertex.
-    pub uv: Vec<Vec2>,
-    /// The method that gave it.
-    pub method: ChartMethod,
-    /// What was tried, in order; the last one was taken.
-    pub attempts: Vec<ChartAttempt>,
-    /// Distortion.
-    pub distortion: Distortion,
-}
-
-/// What the chart stage says of a patch.
-#[derive(Debug, Clone, PartialEq)]
-pub enum ChartOutcome {
-    /// A chart that passed all checks.
-    Mapped(Chart),
-    /// No usable chart: the patch must be split. With the attempts and the reason.
-    MustSplit {
-        /// What was tried.
-        attempts: Vec<ChartAttempt>,
-        /// Why none is usable.
-        reason: String,
-    },
-}
-
-impl Contents for ChartOutcome {
-    fn feed(&self, into: &mut Feeder) {
-        match self {
-            ChartOutcome::Mapped(chart) => into.u64(1).u64(chart.method as u64).points(&chart.uv),
-            ChartOutcome::MustSplit { reason, .. } => into.u64(0).text(reason),
-        };
-    }
-
-    fn bytes(&self) -> usize {
-        match self {
-            ChartOutcome::Mapped(chart) => chart.uv.len() * 16 + 256,
-            ChartOutcome::MustSplit { reason, .. } => reason.len() + 256,
-        }
-    }
-}
 
 /// Largest over smallest local length scale of a usable chart. Conformal maps shrink a tube by e per radius of length: a tube of
 /// 3.5 diameters reaches this (P2 section 3 splits at such aspect ratios, too), and past it the planar mesher runs out of room.
@@ -134,7 +48,7 @@ impl ConformalFactor {
 /// [`Reason::SolverSingular`] if a pivot is not positive or the residual check fails (the chart stage then falls back to mean
 /// value); [`Reason::LimitReached`] if the factor does not fit into memory; cancellation; broken invariants of the patch.
 pub fn factor_conformal(patch: &Patch, work: &Work<'_>) -> Result<ConformalFactor> {
-    Ok(ConformalFactor { conformal: Conformal::new(&Domain::new(patch, Filling::Open)?, work)? })
+    Ok(ConformalFactor { conformal: Conformal::new(&Domain::new(patch, Virtual::Open)?, work)? })
 }
 
 /// Computes and checks the chart of a patch. `factor` is `Err` if the factorization failed.
@@ -150,7 +64,7 @@ pub fn factor_conformal(patch: &Patch, work: &Work<'_>) -> Result<ConformalFacto
 pub fn parametrize_patch(
     patch: &Patch,
     factor: std::result::Result<&ConformalFactor, &EngineError>,
-    spec: ChartSpec,
+    spec: &ChartSpec,
     work: &Work<'_>,
 ) -> Result<ChartOutcome> {
     let mut maps = Maps::new(patch, factor)?;
@@ -159,7 +73,7 @@ pub fn parametrize_patch(
     for candidate in candidates(&maps.open, spec) {
         work.check()?;
         // No map of a tube is even: once one is one-to-one and merely crowded, only caps can better it.
-        if crowded.is_some() && !matches!(candidate, Candidate::Spectral(Filling::Caps) | Candidate::Pinned(Filling::Caps, ..)) {
+        if crowded.is_some() && !matches!(candidate, Candidate::Spectral(Virtual::Caps) | Candidate::Pinned(Virtual::Caps, ..)) {
             continue;
         }
         let trial = match maps.compute(candidate, work) {
@@ -182,9 +96,9 @@ pub fn parametrize_patch(
     }
     let tried: Vec<String> = attempts.iter().map(|a| format!("{:?}: {}", a.method, a.rejected)).collect();
     let reason = format!("no chart is one-to-one ({})", tried.join("; "));
-    match spec {
-        ChartSpec::Automatic => Ok(ChartOutcome::MustSplit { attempts, reason }),
-        ChartSpec::Only(method) => Err(EngineError::new(Reason::ChartFailed, format!("the requested method {method:?} fails: {reason}"))
+    match spec.method {
+        None => Ok(ChartOutcome::MustSplit { attempts, reason }),
+        Some(method) => Err(EngineError::new(Reason::ChartFailed, format!("the requested method {method:?} fails: {reason}"))
             .with_hint("let the method be chosen automatically, or split the patch")
             .with_locations(worst.into_iter().map(|f| face_location(patch, f)))),
     }
@@ -193,8 +107,8 @@ pub fn parametrize_patch(
 /// A map to try.
 #[derive(Debug, Clone, Copy)]
 enum Candidate {
-    Spectral(Filling),
-    Pinned(Filling, u32, u32),
+    Spectral(Virtual),
+    Pinned(Virtual, u32, u32),
     MeanValue,
 }
 
@@ -211,24 +125,24 @@ impl Candidate {
 /// The maps to try, in the order of P1 figure 23. LSCM has two choices of pins (P1 section 5): the boundary vertices farthest
 /// apart, and a vertex with the one half around the boundary from it. Each map is tried on the bare patch first, then with
 /// virtual triangles; every filling costs one more factorization.
-fn candidates(domain: &Domain<'_>, spec: ChartSpec) -> Vec<Candidate> {
+fn candidates(domain: &Domain<'_>, spec: &ChartSpec) -> Vec<Candidate> {
     let ring = &domain.outer;
     let (p, q) = farthest_pair(domain, ring);
     let opposite = (p + half_way(domain, p)) % ring.len();
     let fillings = match domain.patch.loops.len() {
-        1 => &[Filling::Open, Filling::Ears][..],
-        _ => &[Filling::Open, Filling::Caps, Filling::Ears, Filling::CapsAndEars],
+        1 => &[Virtual::Open, Virtual::Ears][..],
+        _ => &[Virtual::Open, Virtual::Caps, Virtual::Ears, Virtual::CapsAndEars],
     };
     let mut all: Vec<Candidate> = fillings.iter().map(|&f| Candidate::Spectral(f)).collect();
-    all.push(Candidate::Pinned(Filling::Open, ring[p], ring[q]));
+    all.push(Candidate::Pinned(Virtual::Open, ring[p], ring[q]));
     if opposite != q && opposite != p {
-        all.push(Candidate::Pinned(Filling::Open, ring[p], ring[opposite]));
+        all.push(Candidate::Pinned(Virtual::Open, ring[p], ring[opposite]));
     }
     all.extend(fillings[1..].iter().map(|&f| Candidate::Pinned(f, ring[p], ring[q])));
     all.push(Candidate::MeanValue);
-    match spec {
-        ChartSpec::Automatic => all,
-        ChartSpec::Only(method) => all.into_iter().filter(|c| c.method() == method).collect(),
+    match spec.method {
+        None => all,
+        Some(method) => all.into_iter().filter(|c| c.method() == method).collect(),
     }
 }
 
@@ -236,12 +150,12 @@ fn candidates(domain: &Domain<'_>, spec: ChartSpec) -> Vec<Candidate> {
 struct Maps<'a> {
     open: Domain<'a>,
     factor: std::result::Result<&'a Conformal, &'a EngineError>,
-    filled: Vec<(Filling, Result<Conformal>)>,
+    filled: Vec<(Virtual, Result<Conformal>)>,
 }
 
 impl<'a> Maps<'a> {
     fn new(patch: &'a Patch, factor: std::result::Result<&'a ConformalFactor, &'a EngineError>) -> Result<Self> {
-        let open = Domain::new(patch, Filling::Open)?;
+        let open = Domain::new(patch, Virtual::Open)?;
         let factor = factor.map(|f| &f.conformal);
         if factor.is_ok_and(|c| c.size() != open.size()) {
             return Err(EngineError::invariant("the factor belongs to another patch"));
@@ -255,12 +169,12 @@ impl<'a> Maps<'a> {
         match candidate {
             Candidate::Spectral(filling) => Ok(as_points(&self.conformal(filling, work)?.spectral(work)?.0, count)),
             Candidate::Pinned(filling, p, q) => Ok(as_points(&self.conformal(filling, work)?.pinned(p, q, work)?, count)),
-            Candidate::MeanValue => mean_value::mean_value(&Domain::new(patch, Filling::Caps)?, work),
+            Candidate::MeanValue => mean_value::mean_value(&Domain::new(patch, Virtual::Caps)?, work),
         }
     }
 
-    fn conformal(&mut self, filling: Filling, work: &Work<'_>) -> Result<&Conformal> {
-        if filling == Filling::Open {
+    fn conformal(&mut self, filling: Virtual, work: &Work<'_>) -> Result<&Conformal> {
+        if filling == Virtual::Open {
             return self.factor.map_err(Clone::clone);
         }
         let at = match self.filled.iter().position(|f| f.0 == filling) {
@@ -321,7 +235,15 @@ enum Verdict {
 
 impl Trial {
     fn rejected(method: ChartMethod, why: &str) -> Trial {
-        let attempt = ChartAttempt { method, flipped: 0, overlaps: false, rejected: why.to_owned() };
+        let attempt = ChartAttempt {
+            method,
+            filling: Filling::default(),
+            pins: Vec::new(),
+            flipped_before: 0,
+            flipped: 0,
+            overlaps: false,
+            rejected: why.to_owned(),
+        };
         Trial { attempt, verdict: Verdict::NotBijective(Vec::new()) }
     }
 }
@@ -340,7 +262,15 @@ fn examine(domain: &Domain<'_>, shapes: &FaceShapes, method: ChartMethod, mut uv
         flipped = if before.is_empty() { before } else { mend::mend_flips(patch, &mut uv, work)? };
     }
     let overlaps = boundary_overlaps(&patch.loops, &uv, work)?;
-    let mut attempt = ChartAttempt { method, flipped: flipped.len() as u32, overlaps, rejected: String::new() };
+    let mut attempt = ChartAttempt {
+        method,
+        filling: Filling::default(),
+        pins: Vec::new(),
+        flipped_before: flipped.len() as u32,
+        flipped: flipped.len() as u32,
+        overlaps,
+        rejected: String::new(),
+    };
     if !flipped.is_empty() || overlaps {
         attempt.rejected = match (flipped.len(), overlaps) {
             (0, _) => "the boundary runs into itself".to_owned(),

@@ -1,7 +1,7 @@
 //! One patch as a mesh of its own, in local numbers, so that its fingerprint depends on nothing but its content.
 
 use crate::error::{EngineError, Result};
-use crate::fingerprint::{Contents, Feeder};
+use crate::fingerprint::{Contents, Feeder, Fingerprint};
 use crate::mesh::SurfaceMesh;
 use crate::partition::Partition;
 use crate::topology::Topology;
@@ -25,6 +25,17 @@ pub struct PatchMap {
     pub vertices: Vec<u32>,
     /// Global face of each local face, increasing.
     pub faces: Vec<u32>,
+}
+
+impl PatchMap {
+    /// Which patch of the surface this is: the fingerprint of its faces as triples of global vertices. Independent of the number of
+    /// the patch, of other patches and of where vertices are. O(faces).
+    pub fn identity(&self, patch: &Patch) -> Fingerprint {
+        let faces: Vec<[u32; 3]> = patch.triangles.iter().map(|t| t.map(|v| self.vertices[v as usize])).collect();
+        let mut feeder = Feeder::new();
+        feeder.tuples(&faces);
+        feeder.finish()
+    }
 }
 
 impl Contents for Patch {

@@ -13,7 +13,7 @@ use crate::error::{EngineError, Reason, Result};
 use crate::features::Features;
 use crate::import::{ImportOptions, Imported};
 use crate::optimize::Remeshed;
-use crate::parametrize::{Chart, ChartOutcome};
+use crate::parametrize::{Chart, ChartAttempt, ChartOutcome, ChartSpec, Distortion};
 use crate::partition::Partition;
 use crate::planar::LiftedPatch;
 use crate::quality::{QualityReport, QualityScope};
@@ -21,7 +21,9 @@ use crate::session::{MeshSource, Snapshot};
 use crate::sizing::{SizeField, SizeSpec};
 use crate::stage::{StageRecord, Stored};
 use crate::topology::Topology;
+use crate::vector::Vec2;
 use context::Context;
+use std::sync::Arc;
 
 /// A result with what it took.
 #[derive(Debug, Clone)]
@@ -56,6 +58,76 @@ pub struct Charts {
     pub charts: Vec<Stored<ChartOutcome>>,
     /// How many patches had to be split because no chart of theirs was usable.
     pub resplit: u32,
+}
+
+/// A partitioned surface whose charts may have failed where patches have a specification of their own.
+#[derive(Debug, Clone)]
+pub struct Layout {
+    /// The surface.
+    pub surface: Surface,
+    /// Its features.
+    pub features: Stored<Features>,
+    /// The partition: its patches have a chart or a specification of their own.
+    pub partition: Stored<Partition>,
+    /// The patches.
+    pub patches: Stored<PatchSet>,
+    /// Chart of each patch (mapped), or what is wrong with its own specification.
+    pub charts: Vec<Result<Stored<ChartOutcome>>>,
+    /// How many patches had to be split because no chart of theirs was usable.
+    pub resplit: u32,
+}
+
+impl Layout {
+    /// # Errors
+    /// [`Reason::PatchNotFound`] for a number that no patch has.
+    pub fn check_patch(&self, patch: u32) -> Result<usize> {
+        let count = self.patches.patches.len();
+        if (patch as usize) < count {
+            return Ok(patch as usize);
+        }
+        Err(EngineError::new(Reason::PatchNotFound, format!("there is no patch {patch}; the surface has {count}")))
+    }
+
+    /// The specification a patch follows: its own, or that of the session.
+    pub fn spec_of<'a>(&self, snapshot: &'a Snapshot, patch: usize) -> SpecOf<'a> {
+        match snapshot.patch_charts.get(&self.patches.identities[patch]) {
+            Some(own) => SpecOf::Patch(own),
+            None => SpecOf::Session(&snapshot.chart),
+        }
+    }
+}
+
+/// Whose chart specification a patch follows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SpecOf<'a> {
+    /// Its own.
+    Patch(&'a ChartSpec),
+    /// That of the session.
+    Session(&'a ChartSpec),
+}
+
+/// The chart a patch would have under another specification.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChartPreview {
+    /// Positions of the last map that was tried, usable or not; empty if none could be computed.
+    pub uv: Arc<Vec<Vec2>>,
+    /// What was tried, in order.
+    pub attempts: Vec<ChartAttempt>,
+    /// Distortion of the last map.
+    pub distortion: Distortion,
+    /// What to make of it.
+    pub verdict: ChartVerdict,
+}
+
+/// Whether a chart can be used.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ChartVerdict {
+    /// One-to-one and even enough.
+    Usable,
+    /// Nothing is wrong with the specification, but the patch must be split first; with the reason.
+    MustSplit(String),
+    /// The method asked for gives no one-to-one map; with the error that a session with this specification would get.
+    Refused(EngineError),
 }
 
 impl Charts {
@@ -132,6 +204,83 @@ pub fn partition(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<
 /// Those of [`partition`] and [`parametrize_patch`].
 pub fn charts(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Answer<Charts>> {
     Context::execute(engine, run, |context| graph::charts_step(context, snapshot))
+}
+
+/// The patches with their numbers, also if the own specification of some gives no chart. As dear as [`charts`].
+///
+/// # Errors
+/// Those of [`charts`], but for the failures it holds.
+pub fn layout(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Answer<Layout>> {
+    Context::execute(engine, run, |context| graph::layout_step(context, snapshot))
+}
+
+/// The chart that patch `patch` would have under `spec` (vertices of the imported mesh), whatever the session says. Changes nothing;
+/// if the session takes `spec` over, its chart is a cache hit.
+///
+/// # Errors
+/// Those of [`layout`]; [`Reason::PatchNotFound`]; [`Reason::BadParameter`] for a spec that contradicts itself or the patch.
+/// A map that is not one-to-one is no error but a verdict.
+pub fn preview_chart(
+    engine: &Engine,
+    snapshot: &Snapshot,
+    patch: u32,
+    spec: &ChartSpec,
+    run: &Run<'_>,
+) -> Result<Answer<(Layout, ChartPreview)>> {
+    spec.validate()?;
+    Context::execute(engine, run, |context| {
+        let layout = graph::layout_step(context, snapshot)?;
+        let p = layout.check_patch(patch)?;
+        let preview = match graph::preview_step(context, &layout, p, spec) {
+            Ok(outcome) => preview_of(&outcome),
+            Err(context::Halt::Error(error)) if error.reason() == Reason::ChartFailed => ChartPreview {
+                uv: Arc::default(),
+                attempts: Vec::new(),
+                distortion: Distortion::default(),
+                verdict: ChartVerdict::Refused(error),
+            },
+            Err(halt) => return Err(halt),
+        };
+        Ok((layout, preview))
+    })
+}
+
+fn preview_of(outcome: &ChartOutcome) -> ChartPreview {
+    match outcome {
+        ChartOutcome::Mapped(chart) => ChartPreview {
+            uv: Arc::new(chart.uv.clone()),
+            attempts: chart.attempts.clone(),
+            distortion: chart.distortion,
+            verdict: ChartVerdict::Usable,
+        },
+        ChartOutcome::MustSplit { attempts, reason } => ChartPreview {
+            uv: Arc::default(),
+            attempts: attempts.clone(),
+            distortion: Distortion::default(),
+            verdict: ChartVerdict::MustSplit(reason.clone()),
+        },
+    }
+}
+
+/// What computing the charts would find in the cache and what it would run. Computes nothing.
+///
+/// # Errors
+/// [`Reason::NoMesh`], a refusal that is already known.
+pub fn plan_charts(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Vec<StageRecord>> {
+    Context::plan(engine, run, |context| graph::charts_step(context, snapshot).map(|_| ()))
+}
+
+/// What a preview of a chart would find in the cache and what it would run. Computes nothing.
+///
+/// # Errors
+/// As [`preview_chart`], as far as they are known without computing.
+pub fn plan_preview(engine: &Engine, snapshot: &Snapshot, patch: u32, spec: &ChartSpec, run: &Run<'_>) -> Result<Vec<StageRecord>> {
+    spec.validate()?;
+    Context::plan(engine, run, |context| {
+        let layout = graph::layout_step(context, snapshot)?;
+        let p = layout.check_patch(patch)?;
+        graph::preview_step(context, &layout, p, spec).map(|_| ())
+    })
 }
 
 /// Remeshes the listed patches only, up to their lifted meshes (neighbours stay conforming: curves are shared).

@@ -12,7 +12,7 @@ use crate::partition::PartitionSpec;
 use crate::planar::Mesher;
 use crate::sample::SampleSpec;
 use crate::sizing::SizeSpec;
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, SystemTime};
 
@@ -91,8 +91,11 @@ pub struct Snapshot {
     pub features: FeatureSpec,
     /// How it is partitioned.
     pub partition: PartitionSpec,
-    /// Which charts are wanted.
+    /// Which charts are wanted of patches without a spec of their own.
     pub chart: ChartSpec,
+    /// Specs of single patches, by [`crate::patch::PatchMap::identity`]: a spec stays with its patch whatever number it gets, and
+    /// waits for it if an edit of the partition takes it away.
+    pub patch_charts: Arc<BTreeMap<Fingerprint, ChartSpec>>,
     /// Which sizes are wanted; `None` until set: sizes are never guessed.
     pub size: Option<SizeSpec>,
     /// The planar mesher.
@@ -110,6 +113,7 @@ impl Snapshot {
             features: FeatureSpec::default(),
             partition: PartitionSpec::default(),
             chart: ChartSpec::default(),
+            patch_charts: Arc::default(),
             size: None,
             mesher: Mesher::default(),
             optimize: OptimizeSpec::default(),
@@ -131,8 +135,15 @@ pub enum Change {
     Features(FeatureSpec),
     /// Replace the partition specification.
     Partition(PartitionSpec),
-    /// Replace the chart specification.
+    /// Replace the chart specification of patches without one of their own.
     Chart(ChartSpec),
+    /// Replace the chart specification of one patch; `None` takes it back.
+    PatchChart {
+        /// [`crate::patch::PatchMap::identity`] of the patch.
+        patch: Fingerprint,
+        /// The specification, with vertices of the imported mesh.
+        spec: Option<ChartSpec>,
+    },
     /// Replace the size specification.
     Size(SizeSpec),
     /// Replace the planar mesher.
@@ -145,6 +156,34 @@ pub enum Change {
 
 /// How many past revisions a session keeps for rollback.
 pub const KEPT_REVISIONS: usize = 64;
+
+/// Most patches of a session with a chart specification of their own.
+pub const MAX_PATCH_CHARTS: usize = 4096;
+
+fn session_wide(spec: &ChartSpec) -> Result<ChartSpec> {
+    spec.validate()?;
+    if spec.names_vertices() {
+        return Err(EngineError::bad_parameter("charts", "the specification names vertices, which are of one patch")
+            .with_hint("set it for that patch"));
+    }
+    Ok(spec.clone())
+}
+
+fn set_patch_chart(next: &mut Snapshot, patch: Fingerprint, spec: Option<&ChartSpec>) -> Result<()> {
+    let charts = Arc::make_mut(&mut next.patch_charts);
+    match spec {
+        None => charts.remove(&patch),
+        Some(spec) => {
+            spec.validate()?;
+            charts.insert(patch, spec.clone())
+        }
+    };
+    if charts.len() > MAX_PATCH_CHARTS {
+        let message = format!("more than {MAX_PATCH_CHARTS} patches have a chart specification of their own");
+        return Err(EngineError::new(Reason::LimitReached, message).with_hint("set the method for all patches instead"));
+    }
+    Ok(())
+}
 
 struct State {
     /// Kept snapshots, oldest first; the last is the current one. Never empty.
@@ -198,7 +237,8 @@ impl Session {
     /// O(1): nothing is computed here; a change that cannot be carried out shows when results are asked for.
     ///
     /// # Errors
-    /// [`Reason::StaleRevision`] with the current revision as metadata; [`Reason::BadParameter`] for an unknown rollback revision.
+    /// [`Reason::StaleRevision`] with the current revision as metadata; [`Reason::BadParameter`] for an unknown rollback revision or a
+    /// chart specification that contradicts itself; [`Reason::LimitReached`] for more than [`MAX_PATCH_CHARTS`].
     pub fn apply(&self, base: Option<Revision>, changes: &[Change]) -> Result<Revision> {
         let mut state = self.lock();
         let current = state.history.back().expect("history is never empty").clone();
@@ -215,7 +255,8 @@ impl Session {
                 Change::Mesh { source, options } => (next.source, next.import) = (Some(source.clone()), options.clone()),
                 Change::Features(spec) => next.features = spec.clone(),
                 Change::Partition(spec) => next.partition = spec.clone(),
-                Change::Chart(spec) => next.chart = *spec,
+                Change::Chart(spec) => next.chart = session_wide(spec)?,
+                Change::PatchChart { patch, spec } => set_patch_chart(&mut next, *patch, spec.as_ref())?,
                 Change::Size(spec) => next.size = Some(spec.clone()),
                 Change::Mesher(mesher) => next.mesher = *mesher,
                 Change::Optimize(spec) => next.optimize = spec.clone(),

@@ -62,6 +62,8 @@ pub(crate) fn chart_method_name(method: v1::ChartMethod) -> &'static str {
         v1::ChartMethod::SpectralConformal => "spectral",
         v1::ChartMethod::LeastSquaresConformal => "lscm",
         v1::ChartMethod::MeanValue => "mean-value",
+        v1::ChartMethod::Harmonic => "harmonic",
+        v1::ChartMethod::Barycentric => "barycentric",
     }
 }
 

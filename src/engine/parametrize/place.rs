@@ -1,6 +1,6 @@
 //! Size, position and direction of a chart in the plane, and its distortion.
 
-use super::Distortion;
+use super::outcome::{Distortion, FaceDistortion, Spread};
 use super::domain::{Domain, Flat};
 use crate::vector::Vec2;
 
@@ -78,24 +78,32 @@ fn direction(triangles: &[[u32; 3]], areas: &[f64], first: u32, uv: &[Vec2]) -> 
     Some(if sense < 0.0 { (-cos, -sin) } else { (cos, sin) })
 }
 
+/// Distortion of a face from its Jacobian; `None` if it has no area on the surface.
+fn face_distortion(flat: &Flat, corners: [Vec2; 3]) -> Option<FaceDistortion> {
+    if flat.area() <= 0.0 {
+        return None;
+    }
+    let [a, b] = flat.jacobian(corners);
+    let det = a[0] * b[1] - a[1] * b[0];
+    let largest = 0.5 * ((a[0] + b[1]).hypot(a[1] - b[0]) + (a[0] - b[1]).hypot(a[1] + b[0]));
+    let angle = (largest * largest / det.abs()).max(1.0);
+    let smallest = det.abs() / largest;
+    let stretch = (0.5 * (1.0 / (largest * largest) + 1.0 / (smallest * smallest))).sqrt();
+    Some(FaceDistortion { angle, area: det, stretch })
+}
+
 /// Distortion of a chart that has been placed (in normalised coordinates). Faces without area are left out.
 pub(super) fn distortion(triangles: &[[u32; 3]], shapes: &FaceShapes, uv: &[Vec2]) -> Distortion {
-    let mut out = Distortion { angle_mean: 0.0, angle_max: 1.0, area_min: f64::INFINITY, area_max: 0.0 };
-    let mut weight = 0.0;
+    let (mut least, mut sums, mut most, mut weight) = ([f64::INFINITY; 3], [0.0; 3], [0.0f64; 3], 0.0);
     for ((t, flat), &area) in triangles.iter().zip(&shapes.flats).zip(&shapes.areas) {
-        if area <= 0.0 {
-            continue;
+        let Some(face) = face_distortion(flat, t.map(|v| uv[v as usize])) else { continue };
+        for (k, value) in [face.angle, face.area, face.stretch].into_iter().enumerate() {
+            least[k] = least[k].min(value);
+            sums[k] += area * value;
+            most[k] = most[k].max(value);
         }
-        let [a, b] = flat.jacobian(t.map(|v| uv[v as usize]));
-        let det = a[0] * b[1] - a[1] * b[0];
-        let largest = 0.5 * ((a[0] + b[1]).hypot(a[1] - b[0]) + (a[0] - b[1]).hypot(a[1] + b[0]));
-        let angle = (largest * largest / det).max(1.0);
-        out.angle_mean += area * angle;
-        out.angle_max = out.angle_max.max(angle);
-        out.area_min = out.area_min.min(det);
-        out.area_max = out.area_max.max(det);
         weight += area;
     }
-    out.angle_mean /= weight;
-    out
+    let spread = |k: usize| Spread { min: least[k], mean: sums[k] / weight, max: most[k] };
+    Distortion { angle: spread(0), area: spread(1), stretch: spread(2) }
 }

@@ -71,7 +71,7 @@ fn outcome(patch: &Patch, spec: ChartSpec) -> Result<ChartOutcome> {
     let cancel = CancelToken::new();
     let work = Work::silent(&cancel);
     let factor = factor_conformal(patch, &work);
-    parametrize_patch(patch, factor.as_ref(), spec, &work)
+    parametrize_patch(patch, factor.as_ref(), &spec, &work)
 }
 
 fn chart(patch: &Patch, spec: ChartSpec) -> Chart {

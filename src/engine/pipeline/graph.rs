@@ -3,7 +3,7 @@
 
 use super::context::{Context, Halt, Step};
 use super::patch_set::PatchSet;
-use super::{Charts, Remesh, Surface};
+use super::{Charts, Layout, Remesh, Surface};
 use crate::assemble::{Assembled, assemble};
 use crate::bvh::TriangleBvh;
 use crate::curve::{CurveMesh, CurvePolyline, PatchCurve, curve_polyline, mesh_curve, patch_curves, trace_curves};
@@ -13,7 +13,7 @@ use crate::fingerprint::{Contents, Feeder, Fingerprint};
 use crate::import::{ImportOptions, Imported, import_arrays, import_mesh};
 use crate::mesh::SurfaceMesh;
 use crate::optimize::optimize_surface;
-use crate::parametrize::{ChartOutcome, ConformalFactor, factor_conformal, parametrize_patch};
+use crate::parametrize::{ChartOutcome, ChartSpec, ConformalFactor, factor_conformal, parametrize_patch};
 use crate::partition::{Partition, partition_surface, split_patches};
 use crate::patch::{PatchMap, extract_patches};
 use crate::planar::{CurveUse, LiftedPatch, PlanarMesh, VertexOrigin, lift, mesh_chart};
@@ -94,11 +94,12 @@ fn patches_step(
         let network = trace_curves(&surface.topology, features, partition);
         let cut = extract_patches(&surface.imported.mesh, &surface.topology, partition)?;
         let uses = patch_curves(&surface.topology, &network, partition, &cut);
+        let identities = cut.iter().map(|(patch, map)| map.identity(patch)).collect();
         let patches = cut.into_iter().map(|(patch, map)| {
             let fingerprint = patch.fingerprint();
             (Arc::new(patch), fingerprint, Arc::new(map))
         });
-        Ok(PatchSet { patches: patches.collect(), network, uses })
+        Ok(PatchSet { patches: patches.collect(), identities, network, uses })
     })
 }
 
@@ -110,6 +111,14 @@ fn largest_first(patches: &PatchSet, listed: impl Iterator<Item = usize>) -> Vec
 }
 
 pub(super) fn charts_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Charts> {
+    let Layout { surface, features, partition, patches, charts, resplit } = layout_step(context, snapshot)?;
+    let charts = charts.into_iter().collect::<Result<Vec<_>>>()?;
+    Ok(Charts { surface, features, partition, patches, charts, resplit })
+}
+
+/// The partition all of whose patches have a chart or a specification of their own. A patch with its own specification is never
+/// split: what is wrong with it is kept beside the others, so that it can be named and mended.
+pub(super) fn layout_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Layout> {
     let surface = surface_step(context, snapshot)?;
     let features = features_step(context, snapshot, &surface)?;
     let mut partition = partition_step(context, snapshot, &surface, &features)?;
@@ -117,11 +126,13 @@ pub(super) fn charts_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Ch
     for _ in 0..=MAX_RESPLITS {
         let patches = patches_step(context, &surface, &features, &partition)?;
         let order = largest_first(&patches, 0..patches.patches.len());
-        let charts = context.each(&order, |p| chart_step(context, snapshot, &patches, p))?;
-        let failing: Vec<u32> =
-            (0..charts.len()).filter(|&p| matches!(*charts[p].value, ChartOutcome::MustSplit { .. })).map(|p| p as u32).collect();
+        let charts = context.each(&order, |p| spec_and_chart_step(context, snapshot, &surface, &patches, p))?;
+        let failing: Vec<u32> = (0..charts.len())
+            .filter(|&p| charts[p].as_ref().is_ok_and(|c| matches!(*c.value, ChartOutcome::MustSplit { .. })))
+            .map(|p| p as u32)
+            .collect();
         if failing.is_empty() {
-            return Ok(Charts { surface, features, partition, patches, charts, resplit });
+            return Ok(Layout { surface, features, partition, patches, charts, resplit });
         }
         resplit += failing.len() as u32;
         let key = StageKey::new(Stage::Partition, |f| {
@@ -137,10 +148,45 @@ pub(super) fn charts_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Ch
         .into())
 }
 
-fn chart_step(context: &Context<'_>, snapshot: &Snapshot, patches: &PatchSet, p: usize) -> Step<Stored<ChartOutcome>> {
+/// The chart of a patch under its own specification or that of the session. The inner error is that of its own specification.
+fn spec_and_chart_step(
+    context: &Context<'_>,
+    snapshot: &Snapshot,
+    surface: &Surface,
+    patches: &PatchSet,
+    p: usize,
+) -> Step<Result<Stored<ChartOutcome>>> {
+    let Some(own) = snapshot.patch_charts.get(&patches.identities[p]) else {
+        return chart_step(context, &snapshot.chart, patches, p).map(Ok);
+    };
+    let spec = match own.localised(&patches.patches[p].2, &surface.imported.mesh.positions) {
+        Ok(spec) => spec,
+        Err(error) => return Ok(Err(error)),
+    };
+    match chart_step(context, &spec, patches, p) {
+        Ok(chart) => match &*chart.value {
+            ChartOutcome::Mapped(_) => Ok(Ok(chart)),
+            ChartOutcome::MustSplit { reason, .. } => {
+                let message = format!("patch {p} has no usable chart under its own specification: {reason}");
+                Ok(Err(EngineError::new(Reason::ChartFailed, message)
+                    .with_hint("take the specification of the patch back, so that it can be split")
+                    .with_metadata("patch", p)))
+            }
+        },
+        Err(Halt::Error(error)) if !error.stops_work() => Ok(Err(error.with_metadata("patch", p))),
+        Err(halt) => Err(halt),
+    }
+}
+
+/// The chart a patch would have under another specification (vertices of the imported mesh).
+pub(super) fn preview_step(context: &Context<'_>, layout: &Layout, p: usize, spec: &ChartSpec) -> Step<Stored<ChartOutcome>> {
+    let spec = spec.localised(&layout.patches.patches[p].2, &layout.surface.imported.mesh.positions)?;
+    chart_step(context, &spec, &layout.patches, p)
+}
+
+fn chart_step(context: &Context<'_>, spec: &ChartSpec, patches: &PatchSet, p: usize) -> Step<Stored<ChartOutcome>> {
     let (patch, fingerprint, _) = &patches.patches[p];
     let subject = Subject::Patch(p as u32);
-    let spec = snapshot.chart;
     let key = StageKey::new(Stage::Chart, |f| {
         f.fingerprint(*fingerprint).text(&format!("{spec:?}"));
     });

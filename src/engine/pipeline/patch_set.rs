@@ -10,6 +10,8 @@ use std::sync::Arc;
 pub struct PatchSet {
     /// Each patch with its fingerprint and its place in the surface.
     pub patches: Vec<(Arc<Patch>, Fingerprint, Arc<PatchMap>)>,
+    /// [`PatchMap::identity`] of each patch.
+    pub identities: Vec<Fingerprint>,
     /// The curves.
     pub network: CurveNetwork,
     /// For each patch the curves it must respect.

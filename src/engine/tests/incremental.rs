@@ -89,7 +89,7 @@ fn another_method_keeps_the_factor_and_the_curves() {
     let engine = engine();
     let session = open(&engine, &pelvis());
     remesh(&engine, &session, 2);
-    session.apply(None, &[Change::Chart(ChartSpec::Only(ChartMethod::LeastSquaresConformal))]).unwrap();
+    session.apply(None, &[Change::Chart(ChartSpec::only(ChartMethod::LeastSquaresConformal))]).unwrap();
     let cancel = CancelToken::new();
     let run = Run { cancel: &cancel, events: &|_| {}, threads: 2 };
     match pipeline::remesh(&engine, &session.snapshot(), &run) {

@@ -189,10 +189,12 @@ fn positive(value: f64, field: &str) -> Result<()> {
 /// Which charts.
 pub(crate) fn charts(spec: &v1::ChartSpec) -> Result<ChartSpec> {
     Ok(match known(spec.method, "charts.method")? {
-        v1::ChartMethod::Unspecified | v1::ChartMethod::Automatic => ChartSpec::Automatic,
-        v1::ChartMethod::SpectralConformal => ChartSpec::Only(ChartMethod::SpectralConformal),
-        v1::ChartMethod::LeastSquaresConformal => ChartSpec::Only(ChartMethod::LeastSquaresConformal),
-        v1::ChartMethod::MeanValue => ChartSpec::Only(ChartMethod::MeanValue),
+        v1::ChartMethod::Unspecified | v1::ChartMethod::Automatic => ChartSpec::default(),
+        v1::ChartMethod::SpectralConformal => ChartSpec::only(ChartMethod::SpectralConformal),
+        v1::ChartMethod::LeastSquaresConformal => ChartSpec::only(ChartMethod::LeastSquaresConformal),
+        v1::ChartMethod::MeanValue => ChartSpec::only(ChartMethod::MeanValue),
+        v1::ChartMethod::Harmonic => ChartSpec::only(ChartMethod::Harmonic),
+        v1::ChartMethod::Barycentric => ChartSpec::only(ChartMethod::Barycentric),
     })
 }
 

@@ -171,6 +171,8 @@ fn chart_method(method: ChartMethod) -> v1::ChartMethod {
         ChartMethod::SpectralConformal => v1::ChartMethod::SpectralConformal,
         ChartMethod::LeastSquaresConformal => v1::ChartMethod::LeastSquaresConformal,
         ChartMethod::MeanValue => v1::ChartMethod::MeanValue,
+        ChartMethod::Harmonic => v1::ChartMethod::Harmonic,
+        ChartMethod::Barycentric => v1::ChartMethod::Barycentric,
     }
 }
 
@@ -189,7 +191,7 @@ pub(crate) fn chart_summary(patch: u32, chart: &Chart, faces: usize) -> v1::Char
         patch,
         method: chart_method(chart.method).into(),
         attempts: chart.attempts.iter().map(chart_attempt).collect(),
-        distortion: Some(v1::Distortion { angle_mean: d.angle_mean, angle_max: d.angle_max, area_min: d.area_min, area_max: d.area_max }),
+        distortion: Some(v1::Distortion { angle_mean: d.angle.mean, angle_max: d.angle.max, area_min: d.area.min, area_max: d.area.max }),
         vertices: chart.uv.len() as u64,
         faces: faces as u64,
     }
@@ -244,7 +246,7 @@ pub(crate) fn inputs(snapshot: &Snapshot) -> v1::SessionInputs {
     v1::SessionInputs {
         features: Some(features(&snapshot.features)),
         partition: Some(partition(&snapshot.partition)),
-        charts: Some(charts(snapshot.chart)),
+        charts: Some(charts(&snapshot.chart)),
         size: snapshot.size.as_ref().map(size),
         mesher: Some(mesher(snapshot.mesher)),
         optimize: Some(optimize(&snapshot.optimize)),
@@ -269,10 +271,10 @@ fn partition(spec: &PartitionSpec) -> v1::PartitionSpec {
     v1::PartitionSpec { patches: spec.patches, max_patch_faces: Some(spec.max_patch_faces), max_aspect_ratio: Some(spec.max_aspect_ratio) }
 }
 
-fn charts(spec: ChartSpec) -> v1::ChartSpec {
-    let method = match spec {
-        ChartSpec::Automatic => v1::ChartMethod::Automatic,
-        ChartSpec::Only(method) => chart_method(method),
+fn charts(spec: &ChartSpec) -> v1::ChartSpec {
+    let method = match spec.method {
+        None => v1::ChartMethod::Automatic,
+        Some(method) => chart_method(method),
     };
     v1::ChartSpec { method: method.into() }
 }

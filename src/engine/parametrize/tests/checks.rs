@@ -78,9 +78,9 @@ fn ramp(turns: f64, rise: f64) -> Patch {
 #[test]
 fn a_ramp_of_more_than_one_turn_overlaps_and_falls_back() {
     let long = ramp(1.6, 0.05);
-    let error = outcome(&long, ChartSpec::Only(ChartMethod::SpectralConformal)).unwrap_err();
+    let error = outcome(&long, ChartSpec::only(ChartMethod::SpectralConformal)).unwrap_err();
     assert_eq!(error.reason(), Reason::ChartFailed);
-    let automatic = match outcome(&long, ChartSpec::Automatic).unwrap() {
+    let automatic = match outcome(&long, ChartSpec::default()).unwrap() {
         ChartOutcome::Mapped(chart) => {
             assert_promises(&long, &chart);
             chart.attempts
@@ -91,7 +91,7 @@ fn a_ramp_of_more_than_one_turn_overlaps_and_falls_back() {
     // The order is that of P1 figure 23.
     assert!(automatic.windows(2).all(|w| w[0].method <= w[1].method));
     let short = ramp(0.8, 0.05);
-    assert_promises(&short, &chart(&short, ChartSpec::Only(ChartMethod::SpectralConformal)));
+    assert_promises(&short, &chart(&short, ChartSpec::only(ChartMethod::SpectralConformal)));
 }
 
 #[test]
@@ -101,7 +101,7 @@ fn a_deep_notch_is_held_open() {
         let (angle, polar) = (0.01 + (TAU - 0.02) * u, 0.15 + 1.9 * v);
         [polar.sin() * angle.cos(), polar.sin() * angle.sin(), polar.cos()]
     });
-    let chart = chart(&patch, ChartSpec::Automatic);
+    let chart = chart(&patch, ChartSpec::default());
     assert_promises(&patch, &chart);
 }
 
@@ -109,9 +109,9 @@ fn a_deep_notch_is_held_open() {
 fn a_long_tube_must_be_split() {
     let tube = |length: f64| grid(16, (8.0 * length) as u32, true, 0.0, |u, v| [(TAU * u).cos(), -(TAU * u).sin(), length * v]);
     for method in METHODS {
-        assert_promises(&tube(3.0), &chart(&tube(3.0), ChartSpec::Only(method)));
+        assert_promises(&tube(3.0), &chart(&tube(3.0), ChartSpec::only(method)));
     }
-    for spec in [ChartSpec::Automatic, ChartSpec::Only(ChartMethod::SpectralConformal)] {
+    for spec in [ChartSpec::default(), ChartSpec::only(ChartMethod::SpectralConformal)] {
         assert!(matches!(outcome(&tube(14.0), spec).unwrap(), ChartOutcome::MustSplit { .. }));
     }
 }
@@ -156,7 +156,7 @@ fn weights_of_extreme_slivers_do_not_break_the_maps() {
             let row = if (0.45..0.55).contains(&v) { 0.4 + thin } else { v };
             [u, row, 0.2 * (u * row).sin()]
         });
-        assert_promises(&patch, &chart(&patch, ChartSpec::Automatic));
+        assert_promises(&patch, &chart(&patch, ChartSpec::default()));
     }
 }
 
@@ -167,10 +167,10 @@ fn cancelled_work_stops_and_broken_patches_are_refused() {
     cancel.cancel();
     assert_eq!(factor_conformal(&patch, &Work::silent(&cancel)).unwrap_err().reason(), Reason::Cancelled);
     let broken = EngineError::new(Reason::SolverSingular, "no factor");
-    let stopped = parametrize_patch(&patch, Err(&broken), ChartSpec::Automatic, &Work::silent(&cancel)).unwrap_err();
+    let stopped = parametrize_patch(&patch, Err(&broken), &ChartSpec::default(), &Work::silent(&cancel)).unwrap_err();
     assert_eq!(stopped.reason(), Reason::Cancelled);
     let fresh = CancelToken::new();
-    let fallback = parametrize_patch(&patch, Err(&broken), ChartSpec::Only(ChartMethod::MeanValue), &Work::silent(&fresh)).unwrap();
+    let fallback = parametrize_patch(&patch, Err(&broken), &ChartSpec::only(ChartMethod::MeanValue), &Work::silent(&fresh)).unwrap();
     assert!(matches!(fallback, ChartOutcome::Mapped(_)));
     let empty = Patch::default();
     assert_eq!(factor_conformal(&empty, &Work::silent(&fresh)).unwrap_err().reason(), Reason::Invariant);
@@ -197,9 +197,9 @@ fn virtual_triangles_close_holes_and_notches_and_keep_the_surface_manifold() {
         }));
         (topology.loops.len(), domain.outer.len())
     };
-    assert_eq!(outline(Filling::Open), (2, 48));
-    assert_eq!(outline(Filling::Caps), (1, 48));
-    let (loops, edges) = outline(Filling::Ears);
+    assert_eq!(outline(Virtual::Open), (2, 48));
+    assert_eq!(outline(Virtual::Caps), (1, 48));
+    let (loops, edges) = outline(Virtual::Ears);
     assert!(loops == 2 && edges < 48, "{edges}");
-    assert_eq!(outline(Filling::CapsAndEars), (1, edges));
+    assert_eq!(outline(Virtual::CapsAndEars), (1, edges));
 }

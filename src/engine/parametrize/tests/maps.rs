@@ -8,10 +8,10 @@ fn a_flat_patch_maps_by_a_similarity_in_any_pose_and_size() {
     for (seed, size) in [(1, 1.0), (2, 1e-8), (3, 1e3), (4, 1e-150)] {
         let flat = grid(9, 6, false, 0.7, |u, v| pose(seed, size, [2.0 * u + 0.1 * v * v, v, 0.0]));
         for method in [ChartMethod::SpectralConformal, ChartMethod::LeastSquaresConformal] {
-            let chart = chart(&flat, ChartSpec::Only(method));
+            let chart = chart(&flat, ChartSpec::only(method));
             assert!(length_error(&flat, &chart) < 1e-6, "{method:?} {size}: {}", length_error(&flat, &chart));
             let d = chart.distortion;
-            assert!((d.angle_max - 1.0).abs() < 1e-6 && (d.area_min - 1.0).abs() < 1e-6 && (d.area_max - 1.0).abs() < 1e-6);
+            assert!((d.angle.max - 1.0).abs() < 1e-6 && (d.area.min - 1.0).abs() < 1e-6 && (d.area.max - 1.0).abs() < 1e-6);
         }
     }
 }
@@ -26,7 +26,7 @@ fn developable_patches_map_isometrically() {
     });
     for patch in [cylinder, cone] {
         for method in [ChartMethod::SpectralConformal, ChartMethod::LeastSquaresConformal] {
-            assert!(length_error(&patch, &chart(&patch, ChartSpec::Only(method))) < 1e-6);
+            assert!(length_error(&patch, &chart(&patch, ChartSpec::only(method))) < 1e-6);
         }
     }
 }
@@ -38,7 +38,7 @@ fn one_to_three_faces_map_isometrically() {
     for count in 1..=3 {
         let patch = patch(corners[..count + 2].to_vec(), faces[..count].to_vec());
         for method in METHODS {
-            let chart = chart(&patch, ChartSpec::Only(method));
+            let chart = chart(&patch, ChartSpec::only(method));
             assert_promises(&patch, &chart);
             if method != ChartMethod::MeanValue {
                 assert!(length_error(&patch, &chart) < 1e-6, "{method:?} {count}");
@@ -64,11 +64,11 @@ fn all_methods_keep_the_promises_on_curved_patches() {
     });
     for patch in [half_sphere(12), bump, tube, ring] {
         for method in METHODS {
-            assert_promises(&patch, &chart(&patch, ChartSpec::Only(method)));
+            assert_promises(&patch, &chart(&patch, ChartSpec::only(method)));
         }
-        let automatic = chart(&patch, ChartSpec::Automatic);
+        let automatic = chart(&patch, ChartSpec::default());
         assert_eq!(automatic.method, ChartMethod::SpectralConformal);
-        assert!(automatic.distortion.angle_mean < 1.2, "{:?}", automatic.distortion);
+        assert!(automatic.distortion.angle.mean < 1.2, "{:?}", automatic.distortion);
     }
 }
 
@@ -78,11 +78,11 @@ fn mean_value_is_one_to_one_on_discs_with_slivers() {
         // Rows and columns crowd towards one side: triangles of aspect 1000 and more, on a wavy surface.
         let crowd = |x: f64| x.powi(4 + seed);
         let patch = grid(14, 14, false, 0.3, |u, v| [crowd(u) + 0.02 * u, v + 0.001 * u, 0.1 * (9.0 * v).sin() * u]);
-        match outcome(&patch, ChartSpec::Only(ChartMethod::MeanValue)).unwrap() {
+        match outcome(&patch, ChartSpec::only(ChartMethod::MeanValue)).unwrap() {
             ChartOutcome::Mapped(chart) => assert_promises(&patch, &chart),
             ChartOutcome::MustSplit { reason, .. } => assert!(reason.contains("differ"), "{reason}"),
         }
-        assert_promises(&patch, &chart(&patch, ChartSpec::Automatic));
+        assert_promises(&patch, &chart(&patch, ChartSpec::default()));
     }
 }
 
@@ -120,7 +120,7 @@ fn the_matrix_gives_the_conformal_energy_and_the_spectral_map_minimises_it() {
     let patch = half_sphere(14);
     let cancel = CancelToken::new();
     let work = Work::silent(&cancel);
-    let domain = Domain::new(&patch, Filling::Open).unwrap();
+    let domain = Domain::new(&patch, Virtual::Open).unwrap();
     let mass = boundary_mass(&domain);
     assert!((mass.iter().sum::<f64>() - 1.0).abs() < 1e-12);
     let matrix = conformal_matrix(&domain, &domain.outer, &mass, 0.0).unwrap();
@@ -158,7 +158,7 @@ fn the_matrix_gives_the_conformal_energy_and_the_spectral_map_minimises_it() {
 fn charts_are_the_same_bit_for_bit() {
     let patch = half_sphere(10);
     for method in METHODS {
-        assert_eq!(chart(&patch, ChartSpec::Only(method)), chart(&patch, ChartSpec::Only(method)));
+        assert_eq!(chart(&patch, ChartSpec::only(method)), chart(&patch, ChartSpec::only(method)));
     }
 }
 
@@ -167,7 +167,7 @@ fn a_rigid_motion_of_space_does_not_turn_the_chart() {
     let shape = |u: f64, v: f64| [3.0 * u, v * (1.0 + u), 0.3 * (5.0 * u * v).sin()];
     let (here, there) = (grid(11, 7, false, 0.4, shape), grid(11, 7, false, 0.4, |u, v| pose(5, 1.0, shape(u, v))));
     for method in METHODS {
-        let (a, b) = (chart(&here, ChartSpec::Only(method)), chart(&there, ChartSpec::Only(method)));
+        let (a, b) = (chart(&here, ChartSpec::only(method)), chart(&there, ChartSpec::only(method)));
         let apart = a.uv.iter().zip(&b.uv).map(|(p, q)| (p[0] - q[0]).hypot(p[1] - q[1])).fold(0.0, f64::max);
         assert!(apart < 1e-5, "{method:?} {apart}");
     }
