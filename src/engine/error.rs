@@ -230,6 +230,11 @@ impl EngineError {
         matches!(self.kind(), ErrorKind::Cancelled | ErrorKind::DeadlineExceeded | ErrorKind::Internal | ErrorKind::ResourceExhausted)
     }
 
+    /// Whether it says that one map of a patch cannot be computed while another may: a singular operator, a hole that cannot be filled.
+    pub fn fails_one_map(&self) -> bool {
+        matches!(self.reason(), Reason::SolverSingular | Reason::ChartFailed)
+    }
+
     /// A broken invariant of the engine.
     pub fn invariant(message: impl Into<String>) -> Self {
         EngineError::new(Reason::Invariant, message)

@@ -13,7 +13,7 @@ use crate::error::{EngineError, Reason, Result};
 use crate::features::Features;
 use crate::import::{ImportOptions, Imported};
 use crate::optimize::Remeshed;
-use crate::parametrize::{Chart, ChartAttempt, ChartOutcome, ChartSpec, Distortion};
+use crate::parametrize::{Chart, ChartAttempt, ChartOutcome, ChartSpec, Distortion, SolvedMap};
 use crate::partition::Partition;
 use crate::planar::LiftedPatch;
 use crate::quality::{QualityReport, QualityScope};
@@ -23,7 +23,6 @@ use crate::stage::{StageRecord, Stored};
 use crate::topology::Topology;
 use crate::vector::Vec2;
 use context::Context;
-use std::sync::Arc;
 
 /// A result with what it took.
 #[derive(Debug, Clone)]
@@ -110,7 +109,7 @@ pub enum SpecOf<'a> {
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChartPreview {
     /// Positions of the last map that was tried, usable or not; empty if none could be computed.
-    pub uv: Arc<Vec<Vec2>>,
+    pub uv: Vec<Vec2>,
     /// What was tried, in order.
     pub attempts: Vec<ChartAttempt>,
     /// Distortion of the last map.
@@ -231,35 +230,25 @@ pub fn preview_chart(
     Context::execute(engine, run, |context| {
         let layout = graph::layout_step(context, snapshot)?;
         let p = layout.check_patch(patch)?;
-        let preview = match graph::preview_step(context, &layout, p, spec) {
-            Ok(outcome) => preview_of(&outcome),
-            Err(context::Halt::Error(error)) if error.reason() == Reason::ChartFailed => ChartPreview {
-                uv: Arc::default(),
-                attempts: Vec::new(),
-                distortion: Distortion::default(),
-                verdict: ChartVerdict::Refused(error),
-            },
-            Err(halt) => return Err(halt),
-        };
-        Ok((layout, preview))
+        let (outcome, tried) = graph::preview_step(context, &layout, p, spec)?;
+        Ok((layout, preview_of(outcome, &tried)))
     })
 }
 
-fn preview_of(outcome: &ChartOutcome) -> ChartPreview {
-    match outcome {
-        ChartOutcome::Mapped(chart) => ChartPreview {
-            uv: Arc::new(chart.uv.clone()),
-            attempts: chart.attempts.clone(),
-            distortion: chart.distortion,
-            verdict: ChartVerdict::Usable,
-        },
-        ChartOutcome::MustSplit { attempts, reason } => ChartPreview {
-            uv: Arc::default(),
-            attempts: attempts.clone(),
-            distortion: Distortion::default(),
-            verdict: ChartVerdict::MustSplit(reason.clone()),
-        },
+fn preview_of(outcome: Result<Stored<ChartOutcome>>, tried: &[Stored<SolvedMap>]) -> ChartPreview {
+    let last = tried.last();
+    let mut preview = ChartPreview {
+        uv: last.map(|map| map.uv.clone()).unwrap_or_default(),
+        attempts: tried.iter().map(|map| map.attempt.clone()).collect(),
+        distortion: last.map(|map| map.distortion).unwrap_or_default(),
+        verdict: ChartVerdict::Usable,
+    };
+    match outcome.as_deref() {
+        Ok(ChartOutcome::Mapped(chart)) => preview.uv.clone_from(&chart.uv),
+        Ok(ChartOutcome::MustSplit { reason, .. }) => preview.verdict = ChartVerdict::MustSplit(reason.clone()),
+        Err(error) => preview.verdict = ChartVerdict::Refused(error.clone()),
     }
+    preview
 }
 
 /// What computing the charts would find in the cache and what it would run. Computes nothing.

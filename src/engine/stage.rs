@@ -21,8 +21,14 @@ pub enum Stage {
     Partition,
     /// Patches cut out, curve network traced.
     Patches,
-    /// Factorization of the conformal operator of a patch.
+    /// Elimination order of a patch, from its connectivity.
+    System,
+    /// Elimination of the interior of a patch.
     Factor,
+    /// Factorization on the loops of a patch, for one family of maps.
+    Boundary,
+    /// One map of a patch, solved and checked.
+    Solve,
     /// Map of a patch to the plane.
     Chart,
     /// Wanted edge length at the input's vertices.
@@ -43,14 +49,17 @@ pub enum Stage {
 
 impl Stage {
     /// All stages in pipeline order.
-    pub const ALL: [Stage; 15] = [
+    pub const ALL: [Stage; 18] = [
         Stage::Import,
         Stage::Topology,
         Stage::SearchTree,
         Stage::Features,
         Stage::Partition,
         Stage::Patches,
+        Stage::System,
         Stage::Factor,
+        Stage::Boundary,
+        Stage::Solve,
         Stage::Chart,
         Stage::Size,
         Stage::Curve,
@@ -70,7 +79,10 @@ impl Stage {
             Stage::Features => "features",
             Stage::Partition => "partition",
             Stage::Patches => "patches",
+            Stage::System => "system",
             Stage::Factor => "factor",
+            Stage::Boundary => "boundary",
+            Stage::Solve => "solve",
             Stage::Chart => "chart",
             Stage::Size => "size",
             Stage::Curve => "curve",

@@ -11,22 +11,65 @@ use faer::sparse::linalg::cholesky::{
 };
 use faer::{Conj, MatMut, Par, Side};
 use sprs::CsMatI;
+use std::sync::Arc;
+
+/// What depends on the pattern of a matrix alone: elimination order and structure of the factor. Shared by all matrices of it.
+#[derive(Debug)]
+pub struct CholeskyPlan {
+    symbolic: SymbolicCholesky<u32>,
+    entries: usize,
+}
+
+impl CholeskyPlan {
+    /// Analyses the pattern of `matrix` (entries with row <= column; values do not matter).
+    ///
+    /// # Errors
+    /// [`SolveError::Shape`], [`SolveError::Resources`].
+    pub fn new(matrix: &RealMatrix) -> Result<Self, SolveError> {
+        CholeskyPlan::of(matrix)
+    }
+
+    fn of<T: Scalar>(matrix: &CsMatI<T, u32>) -> Result<Self, SolveError> {
+        let starts = matrix.proper_indptr();
+        let a = view(matrix, &starts)?;
+        let params = CholeskySymbolicParams { supernodal_flop_ratio_threshold: SupernodalThreshold::AUTO, ..Default::default() };
+        let symbolic = factorize_symbolic_cholesky(a.symbolic(), Side::Upper, SymmetricOrdering::Amd, params)
+            .map_err(|e| SolveError::Resources(e.to_string()))?;
+        Ok(CholeskyPlan { symbolic, entries: matrix.nnz() })
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> usize {
+        let indices = match self.symbolic.raw() {
+            SymbolicCholeskyRaw::Simplicial(s) => s.row_idx().len() + s.col_ptr().len(),
+            SymbolicCholeskyRaw::Supernodal(s) => {
+                s.row_idx().len() + 2 * s.supernode_begin().len() + s.col_ptr_for_row_idx().len() + s.col_ptr_for_val().len()
+            }
+        };
+        4 * (indices + 2 * self.symbolic.ncols())
+    }
+}
 
 #[derive(Debug)]
 struct Factor<T> {
-    symbolic: SymbolicCholesky<u32>,
+    plan: Arc<CholeskyPlan>,
     values: Vec<T>,
     error: f64,
 }
 
 impl<T: Scalar> Factor<T> {
     fn new(matrix: &CsMatI<T, u32>) -> Result<Self, SolveError> {
+        Factor::with_plan(Arc::new(CholeskyPlan::of(matrix)?), matrix)
+    }
+
+    fn with_plan(plan: Arc<CholeskyPlan>, matrix: &CsMatI<T, u32>) -> Result<Self, SolveError> {
         let starts = matrix.proper_indptr();
         let a = view(matrix, &starts)?;
         let size = a.ncols();
-        let params = CholeskySymbolicParams { supernodal_flop_ratio_threshold: SupernodalThreshold::AUTO, ..Default::default() };
-        let symbolic = factorize_symbolic_cholesky(a.symbolic(), Side::Upper, SymmetricOrdering::Amd, params)
-            .map_err(|e| SolveError::Resources(e.to_string()))?;
+        if matrix.nnz() != plan.entries || size != plan.symbolic.ncols() {
+            return Err(SolveError::Shape { rows: matrix.rows(), columns: size });
+        }
+        let symbolic = &plan.symbolic;
         let mut values = Vec::new();
         let refuse = |_| SolveError::Resources(format!("{} values", symbolic.len_val()));
         values.try_reserve_exact(symbolic.len_val()).map_err(refuse)?;
@@ -37,30 +80,24 @@ impl<T: Scalar> Factor<T> {
         symbolic
             .factorize_numeric_llt(&mut values, a, Side::Upper, LltRegularization::default(), Par::Seq, stack, Default::default())
             .map_err(|LltError::NonPositivePivot { index }| SolveError::NotPositiveDefinite { index, size })?;
-        let mut factor = Factor { symbolic, values, error: 0.0 };
+        let mut factor = Factor { plan, values, error: 0.0 };
         factor.error = check_solve(a, Stored::UpperTriangle, |x| factor.solve(x, 1))?;
         Ok(factor)
     }
 
     fn solve(&self, rhs: &mut [T], columns: usize) {
-        let size = self.symbolic.ncols();
+        let size = self.plan.symbolic.ncols();
         assert_eq!(rhs.len(), size * columns, "the right-hand side does not fit the factor");
         if size == 0 {
             return;
         }
-        let mut buffer = MemBuffer::new(self.symbolic.solve_in_place_scratch::<T>(columns, Par::Seq));
+        let mut buffer = MemBuffer::new(self.plan.symbolic.solve_in_place_scratch::<T>(columns, Par::Seq));
         let rhs = MatMut::from_column_major_slice_mut(rhs, size, columns);
-        LltRef::new(&self.symbolic, &self.values).solve_in_place_with_conj(Conj::No, rhs, Par::Seq, MemStack::new(&mut buffer));
+        LltRef::new(&self.plan.symbolic, &self.values).solve_in_place_with_conj(Conj::No, rhs, Par::Seq, MemStack::new(&mut buffer));
     }
 
     fn bytes(&self) -> usize {
-        let indices = match self.symbolic.raw() {
-            SymbolicCholeskyRaw::Simplicial(s) => s.row_idx().len() + s.col_ptr().len(),
-            SymbolicCholeskyRaw::Supernodal(s) => {
-                s.row_idx().len() + 2 * s.supernode_begin().len() + s.col_ptr_for_row_idx().len() + s.col_ptr_for_val().len()
-            }
-        };
-        self.values.len() * size_of::<T>() + 4 * (indices + 2 * self.symbolic.ncols())
+        self.values.len() * size_of::<T>() + self.plan.bytes()
     }
 }
 
@@ -107,6 +144,14 @@ impl HermitianCholesky {
     /// [`SolveError::NotPositiveDefinite`], [`SolveError::Inaccurate`], [`SolveError::Shape`], [`SolveError::Resources`].
     pub fn new(matrix: &ComplexMatrix) -> Result<Self, SolveError> {
         Factor::new(matrix).map(HermitianCholesky)
+    }
+
+    /// As [`HermitianCholesky::new`] for a matrix of the pattern that `plan` was made for.
+    ///
+    /// # Errors
+    /// As [`HermitianCholesky::new`]; [`SolveError::Shape`] also for another pattern.
+    pub fn with_plan(plan: Arc<CholeskyPlan>, matrix: &ComplexMatrix) -> Result<Self, SolveError> {
+        Factor::with_plan(plan, matrix).map(HermitianCholesky)
     }
 
     /// Replaces the `columns` right-hand sides in `rhs` (one after another) by the solutions.

@@ -6,9 +6,14 @@
 
 mod check;
 mod cholesky;
+mod condense;
+mod dense;
 mod lu;
+mod order;
 
-pub use cholesky::{HermitianCholesky, RealCholesky};
+pub use cholesky::{CholeskyPlan, HermitianCholesky, RealCholesky};
+pub use condense::{Condensation, CondensationPlan, Load};
+pub use dense::{DenseHermitian, DenseReal};
 pub use faer::c64 as Complex;
 pub use lu::RealLu;
 

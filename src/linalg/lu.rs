@@ -55,6 +55,12 @@ impl RealLu {
         factor.solve_in_place_with_conj(Conj::No, rhs, Par::Seq, MemStack::new(&mut buffer));
     }
 
+    /// Bytes held, estimated: the factor does not tell its size. Meshes of 10^3 to 10^5 vertices need about 130 n log2(n) bytes.
+    pub fn bytes(&self) -> usize {
+        let size = self.symbolic.ncols();
+        130 * size * (size + 1).ilog2() as usize
+    }
+
     /// Backward error of the check solve.
     pub fn backward_error(&self) -> f64 {
         self.error

@@ -1,20 +1,23 @@
-//! The conformal operator as one complex Hermitian matrix, and the two free-boundary maps that share its factor.
+//! The conformal operator on the boundary, and the free-boundary maps that share its factor.
 //!
 //! With w = u + i v the energy E_D - A (P1 eq. 17) is w^H L w / 2, L = A + i C: A is the cotangent Laplacian and C has +1/2 and
-//! -1/2 along the halfedges, which cancels everywhere but on the boundary. Constants are the null space of L (similarities, if
-//! the surface is developable). The factor is that of K = L + sigma B with B the boundary mass, which serves
-//! - the spectral map: inverse iteration K y = B u, constants projected out (P1 eq. 29);
-//! - the map with two pins p, q: L w = nu (e_p - e_q) determines w up to a similarity, so re-pinning is one Green's function.
+//! -1/2 along the halfedges, which cancels everywhere but on the boundary. So the interior is eliminated from A alone, once for
+//! all maps of the patch, and H = S + i C is left on the loops (S the Schur complement of A). Constants are the null space of H
+//! (similarities, if the surface is developable). The factor is that of K = H + sigma M with M the boundary mass, which serves
+//! - the spectral map: inverse iteration K y = M u, constants projected out (P1 eq. 29);
+//! - the map with pins: H w = sum nu_p r_p with r_p the load at pin p determines w; re-pinning is a Green's function per pin.
 //!
-//! B is the *length* measure of the outer loop, of total 1, not one per vertex as in P1: a loop that is sampled finely on one
+//! M is the *length* measure of the outer loop, of total 1, not one per vertex as in P1: a loop that is sampled finely on one
 //! side would otherwise weigh that side more.
 
-use super::assembly::compress;
 use super::domain::Domain;
+use super::operator::{Weights, area_entries, stiffness};
+use super::system::{ChartFactor, Reduction, condense_virtual, solver_error};
 use crate::error::{EngineError, Reason, Result};
 use crate::vector::Vec2;
 use crate::work::Work;
-use remesh_linalg::{Complex, ComplexMatrix, HermitianCholesky, SolveError};
+use remesh_linalg::{CholeskyPlan, Complex, ComplexMatrix, Condensation, DenseHermitian, HermitianCholesky, Load, SolveError};
+use std::sync::Arc;
 
 /// Shifts to try, relative to a boundary mass of 1: far below the smallest eigenvalues of interest (1e-6 and more on meshes up
 /// to a million vertices), above what rounding makes of a zero pivot. The larger ones are for meshes with extreme weights.
@@ -23,39 +26,25 @@ const SHIFTS: [f64; 3] = [1e-9, 1e-7, 1e-5];
 const MAX_INVERSE_ITERATIONS: usize = 60;
 const MAX_PIN_ITERATIONS: usize = 10;
 
-/// Factor of K with what the maps need besides.
+const ZERO: Complex = Complex::new(0.0, 0.0);
+
+/// Factor of K with what the maps need besides. One for each outer loop and filling.
 #[derive(Debug)]
-pub(super) struct Conformal {
-    factor: HermitianCholesky,
+pub(super) struct ConformalProblem {
+    factor: Factor,
+    /// Vertex of each unknown of a condensed problem, increasing; `None` if every vertex of the domain is unknown.
+    kept: Option<Vec<u32>>,
     size: usize,
     shift: f64,
-    boundary: Vec<u32>,
+    /// Unknowns of the outer loop.
+    outer: Vec<u32>,
     mass: Vec<f64>,
 }
 
-/// L + shift B, upper triangle.
-pub(super) fn conformal_matrix(domain: &Domain<'_>, boundary: &[u32], mass: &[f64], shift: f64) -> Result<ComplexMatrix> {
-    let mut diagonal = vec![0.0; domain.size()];
-    let cotangents: Vec<[f64; 3]> = domain.triangles().map(|t| domain.flat(t).thickened().cotangents()).collect();
-    for (t, cot) in domain.triangles().zip(&cotangents) {
-        for k in 0..3 {
-            diagonal[t[k] as usize] += 0.5 * (cot[(k + 1) % 3] + cot[(k + 2) % 3]);
-        }
-    }
-    for (&v, &m) in boundary.iter().zip(mass) {
-        diagonal[v as usize] += shift * m;
-    }
-    let columns = domain.triangles().flat_map(|t| (0..3).map(move |k| t[k].max(t[(k + 1) % 3])));
-    let edges = domain.triangles().zip(&cotangents).flat_map(|(t, cot)| {
-        (0..3).map(move |k| {
-            let (i, j) = (t[k], t[(k + 1) % 3]);
-            let area = if i < j { 0.5 } else { -0.5 };
-            (i.min(j), i.max(j), Complex::new(-0.5 * cot[(k + 2) % 3], area))
-        })
-    });
-    let size = domain.size() as u32;
-    let diagonal = diagonal.iter().enumerate().map(|(i, &d)| (i as u32, i as u32, Complex::new(d, 0.0)));
-    compress(domain.size(), columns.chain(0..size), edges.chain(diagonal), Complex::new(0.0, 0.0))
+#[derive(Debug)]
+enum Factor {
+    Dense(DenseHermitian),
+    Sparse(HermitianCholesky),
 }
 
 /// Half the edges beside each vertex of the outer loop, over the whole length.
@@ -65,51 +54,157 @@ pub(super) fn boundary_mass(domain: &Domain<'_>) -> Vec<f64> {
     (0..lengths.len()).map(|k| 0.5 * (lengths[k] + lengths[(k + lengths.len() - 1) % lengths.len()]) / total).collect()
 }
 
-impl Conformal {
-    /// Assembles and factorizes.
-    pub(super) fn new(domain: &Domain<'_>, work: &Work<'_>) -> Result<Self> {
-        let boundary = domain.outer.clone();
+/// Halfedges of all triangles whose contributions to C may remain: those of the loops and of virtual triangles.
+fn area_halfedges<'a>(domain: &'a Domain<'_>) -> impl Iterator<Item = (u32, u32)> + 'a {
+    let loops = domain.patch.loops.iter().flat_map(|ring| (0..ring.len()).map(move |k| (ring[k], ring[(k + 1) % ring.len()])));
+    let filled = domain.virtual_triangles.iter().flat_map(|t| (0..3).map(move |k| (t[k], t[(k + 1) % 3])));
+    loops.chain(filled)
+}
+
+/// H on the kept unknowns, dense, columns one after another, lower triangle.
+fn dense_operator(domain: &Domain<'_>, condensation: &Condensation) -> Result<Vec<Complex>> {
+    let kept = condensation.plan().kept();
+    let size = kept.len();
+    let mut matrix: Vec<Complex> = condensation.schur().iter().map(|&s| Complex::new(s, 0.0)).collect();
+    let slot = |v: u32| kept.partition_point(|&w| w < v);
+    if !domain.virtual_triangles.is_empty() {
+        let (vertices, schur) = condense_virtual(domain, Weights::Cotangent)?;
+        let slots: Vec<usize> = vertices.iter().map(|&v| slot(v)).collect();
+        for (j, &column) in slots.iter().enumerate() {
+            for (i, &row) in slots.iter().enumerate() {
+                matrix[column * size + row] += schur[j * slots.len() + i];
+            }
+        }
+    }
+    for (i, j, c) in area_entries(area_halfedges(domain)) {
+        // Entries at virtual vertices cancel; above the diagonal the sign is +, and this is the entry below it.
+        matrix[slot(i) * size + slot(j)] += Complex::new(0.0, -c);
+    }
+    Ok(matrix)
+}
+
+/// L + shift M over all vertices of the domain, upper triangle.
+pub(super) fn conformal_matrix(domain: &Domain<'_>, mass: &[f64], shift: f64) -> Result<ComplexMatrix> {
+    let all: Vec<[u32; 3]> = domain.triangles().collect();
+    let real = stiffness(domain, &all, domain.size(), |v| v, Weights::Cotangent)?;
+    let mut matrix: ComplexMatrix = real.map(|&w| Complex::new(w, 0.0));
+    let missing = || EngineError::invariant("a boundary edge is not in the pattern");
+    for (i, j, c) in area_entries(area_halfedges(domain)) {
+        *matrix.get_mut(i as usize, j as usize).ok_or_else(missing)? += Complex::new(0.0, c);
+    }
+    for (&v, &m) in domain.outer.iter().zip(mass) {
+        *matrix.get_mut(v as usize, v as usize).ok_or_else(missing)? += Complex::new(shift * m, 0.0);
+    }
+    Ok(matrix)
+}
+
+/// A point condition of a map.
+enum Pin {
+    /// The value of an unknown.
+    Unknown(usize),
+    /// The value at an eliminated vertex.
+    Eliminated(Load),
+}
+
+impl Pin {
+    /// Adds `factor` times the right-hand side of the pin.
+    fn add_load(&self, factor: Complex, rhs: &mut [Complex]) {
+        match self {
+            Pin::Unknown(slot) => rhs[*slot] += factor,
+            Pin::Eliminated(load) => rhs.iter_mut().zip(&load.kept).for_each(|(r, &l)| *r += factor * l),
+        }
+    }
+
+    /// The value at the pin, as far as the unknowns say.
+    fn value(&self, w: &[Complex]) -> Complex {
+        match self {
+            Pin::Unknown(slot) => w[*slot],
+            Pin::Eliminated(load) => load.kept.iter().zip(w).map(|(&l, w)| *w * l).sum(),
+        }
+    }
+
+    /// The value here under a unit load at `other` with the unknowns held.
+    fn response(&self, other: &Pin) -> f64 {
+        match (self, other) {
+            (Pin::Eliminated(a), Pin::Eliminated(b)) => a.response(b),
+            _ => 0.0,
+        }
+    }
+}
+
+impl ConformalProblem {
+    /// Assembles and factorizes the boundary problem of a domain. O(m^3) for a condensed patch of m loop vertices.
+    ///
+    /// # Errors
+    /// [`Reason::SolverSingular`], [`Reason::LimitReached`], cancellation.
+    pub(super) fn new(domain: &Domain<'_>, factor: &ChartFactor, work: &Work<'_>) -> Result<Self> {
+        if factor.weights != Weights::Cotangent {
+            return Err(EngineError::invariant("conformal maps need cotangent weights"));
+        }
         let mass = boundary_mass(domain);
         let mut failure = None;
+        let base = match &factor.reduction {
+            Reduction::Condensed(condensation) => Some((condensation, dense_operator(domain, condensation)?)),
+            Reduction::Whole(_) => None,
+        };
         for shift in SHIFTS {
             work.check()?;
-            let matrix = conformal_matrix(domain, &boundary, &mass, shift)?;
-            work.check()?;
-            match HermitianCholesky::new(&matrix) {
-                Ok(factor) => return Ok(Conformal { factor, size: domain.size(), shift, boundary, mass }),
-                Err(e @ (SolveError::NotPositiveDefinite { .. } | SolveError::Inaccurate { .. })) => failure = Some(e),
+            let made = match (&base, &factor.reduction) {
+                (Some((condensation, matrix)), _) => dense_factor(domain, condensation, matrix.clone(), &mass, shift),
+                (None, Reduction::Whole(plan)) => sparse_factor(domain, plan, &mass, shift)?,
+                (None, Reduction::Condensed(_)) => return Err(EngineError::invariant("a condensed patch without its matrix")),
+            };
+            let factor = match made {
+                Ok(factor) => factor,
+                Err(e @ (SolveError::NotPositiveDefinite { .. } | SolveError::Inaccurate { .. })) => {
+                    failure = Some(e);
+                    continue;
+                }
                 Err(e) => return Err(solver_error(&e)),
-            }
+            };
+            let kept = base.as_ref().map(|(condensation, _)| condensation.plan().kept().to_vec());
+            let size = kept.as_ref().map_or(domain.size(), Vec::len);
+            let slot = |v: &u32| kept.as_ref().map_or(*v, |kept| kept.partition_point(|w| w < v) as u32);
+            let outer = domain.outer.iter().map(slot).collect();
+            return Ok(ConformalProblem { factor, kept, size, shift, outer, mass });
         }
         Err(failure.map_or_else(|| EngineError::invariant("no shift was tried"), |e| solver_error(&e)))
     }
 
+    /// Bytes held.
     pub(super) fn bytes(&self) -> usize {
-        self.factor.bytes() + self.boundary.len() * 12
+        let factor = match &self.factor {
+            Factor::Dense(factor) => factor.bytes(),
+            Factor::Sparse(factor) => factor.bytes(),
+        };
+        factor + self.outer.len() * 12 + self.kept.as_ref().map_or(0, |kept| kept.len() * 4)
     }
 
-    pub(super) fn size(&self) -> usize {
-        self.size
+    fn solve(&self, rhs: &mut [Complex]) {
+        match &self.factor {
+            Factor::Dense(factor) => factor.solve_in_place(rhs, 1),
+            Factor::Sparse(factor) => factor.solve_in_place(rhs, 1),
+        }
     }
 
-    /// Right-hand side `B w` for boundary values `w`.
+    /// Right-hand side `M w` for outer values `w`.
     fn load(&self, values: &[Complex], scale: f64) -> Vec<Complex> {
-        let mut rhs = vec![Complex::new(0.0, 0.0); self.size];
-        for ((&v, &m), &w) in self.boundary.iter().zip(&self.mass).zip(values) {
+        let mut rhs = vec![ZERO; self.size];
+        for ((&v, &m), &w) in self.outer.iter().zip(&self.mass).zip(values) {
             rhs[v as usize] = w * (m * scale);
         }
         rhs
     }
 
-    fn on_boundary(&self, w: &[Complex]) -> Vec<Complex> {
-        self.boundary.iter().map(|&v| w[v as usize]).collect()
+    fn on_outer(&self, w: &[Complex]) -> Vec<Complex> {
+        self.outer.iter().map(|&v| w[v as usize]).collect()
     }
 
     fn inner(&self, a: &[Complex], b: &[Complex]) -> Complex {
         self.mass.iter().zip(a.iter().zip(b)).map(|(&m, (a, b))| a.conj() * b * m).sum()
     }
 
-    /// Takes the mean over the boundary away; returns the norm of the rest.
+    /// Takes the mean over the outer loop away; returns the norm of the rest.
     fn centre(&self, w: &mut [Complex]) -> f64 {
         let mean: Complex = self.mass.iter().zip(w.iter()).map(|(&m, &w)| w * m).sum();
         w.iter_mut().for_each(|x| *x -= mean);
@@ -118,10 +213,10 @@ impl Conformal {
 
     /// The spectral map and its eigenvalue: energy over boundary moment (P1 eq. 27-29). Started from the circle, hence deterministic.
     /// Stops on the Rayleigh quotient, which converges with the square of the ratio of the two smallest eigenvalues.
-    pub(super) fn spectral(&self, work: &Work<'_>) -> Result<(Vec<Complex>, f64)> {
+    pub(super) fn spectral(&self, work: &Work<'_>) -> Result<(Solution, f64)> {
         let mut angle = 0.0;
-        let mut u = Vec::with_capacity(self.boundary.len());
-        for k in 0..self.boundary.len() {
+        let mut u = Vec::with_capacity(self.outer.len());
+        for k in 0..self.outer.len() {
             u.push(Complex::from_polar(1.0, angle));
             angle += std::f64::consts::PI * (self.mass[k] + self.mass[(k + 1) % self.mass.len()]);
         }
@@ -131,8 +226,8 @@ impl Conformal {
         for _ in 0..MAX_INVERSE_ITERATIONS {
             work.check()?;
             let mut y = self.load(&u, 1.0);
-            self.factor.solve_in_place(&mut y, 1);
-            let mut next = self.on_boundary(&y);
+            self.solve(&mut y);
+            let mut next = self.on_outer(&y);
             let norm = self.centre(&mut next);
             let quotient: f64 = 1.0 / self.inner(&u, &next).re;
             if !(norm > 0.0 && norm.is_finite() && quotient.is_finite()) {
@@ -142,56 +237,146 @@ impl Conformal {
             u = next;
             if (last - quotient).abs() <= 1e-10 * quotient {
                 y.iter_mut().for_each(|w| *w /= norm);
-                return Ok((y, quotient - self.shift));
+                return Ok((Solution { unknowns: y, loads: Vec::new() }, quotient - self.shift));
             }
             last = quotient;
         }
         Err(EngineError::new(Reason::SolverSingular, "inverse iteration did not converge: two conformal maps are equally good"))
     }
 
-    /// The least squares conformal map with vertices `p` and `q` pinned to two points of distance 1 (P1 section 2.3).
-    pub(super) fn pinned(&self, p: u32, q: u32, work: &Work<'_>) -> Result<Vec<Complex>> {
-        let (p, q) = (p as usize, q as usize);
-        let mut green = vec![Complex::new(0.0, 0.0); self.size];
-        green[p] = Complex::new(1.0, 0.0);
-        green[q] = Complex::new(-1.0, 0.0);
-        self.factor.solve_in_place(&mut green, 1);
-        let span = green[p] - green[q];
-        let mut w: Vec<Complex> = green.iter().map(|g| g / span).collect();
-        // The factor is that of L + shift B: move the shift to the right-hand side until nothing changes.
+    /// The least squares conformal map with pinned vertices at their targets (P1 section 2.3). Two pins or more; a solve for each but
+    /// one, and a forward substitution for each that is not on a loop.
+    ///
+    /// # Errors
+    /// [`Reason::SolverSingular`].
+    pub(super) fn pinned(&self, factor: &ChartFactor, pins: &[(u32, Complex)], work: &Work<'_>) -> Result<Solution> {
+        let conditions = pins.iter().map(|&(v, _)| self.condition(factor, v)).collect::<Result<Vec<Pin>>>()?;
+        let (first, others) = conditions.split_first().ok_or_else(|| EngineError::invariant("a map without pins"))?;
+        let goals: Vec<Complex> = pins[1..].iter().map(|p| p.1 - pins[0].1).collect();
+        let count = others.len();
+        // Loads in pairs: their sum is zero, so that constants, which K hardly resists, are not excited.
+        let mut greens = Vec::with_capacity(count);
+        for pin in others {
+            work.check()?;
+            let mut rhs = vec![ZERO; self.size];
+            pin.add_load(Complex::new(1.0, 0.0), &mut rhs);
+            first.add_load(Complex::new(-1.0, 0.0), &mut rhs);
+            self.solve(&mut rhs);
+            greens.push(rhs);
+        }
+        let spans = |w: &[Complex]| others.iter().map(|pin| pin.value(w) - first.value(w)).collect::<Vec<Complex>>();
+        let mut coupling = vec![ZERO; count * count];
+        for (l, green) in greens.iter().enumerate() {
+            let held = |pin: &Pin| pin.response(&others[l]) - pin.response(first);
+            for (j, span) in spans(green).into_iter().enumerate() {
+                coupling[l * count + j] = span + (held(&others[j]) - held(first));
+            }
+        }
+        let coupling = DenseHermitian::new(coupling, count).map_err(|e| solver_error(&e))?;
+        let strengths = |rest: &[Complex]| {
+            let mut nu: Vec<Complex> = goals.iter().zip(spans(rest)).map(|(goal, span)| goal - span).collect();
+            coupling.solve_in_place(&mut nu, 1);
+            nu
+        };
+        let mut rest = vec![ZERO; self.size];
+        let mut last: Option<Vec<Complex>> = None;
+        // The factor is that of H + shift M: move the shift to the right-hand side until nothing changes.
         for _ in 0..MAX_PIN_ITERATIONS {
             work.check()?;
-            let mut values = self.on_boundary(&w);
+            let nu = strengths(&rest);
+            let mut w = rest;
+            for (green, nu) in greens.iter().zip(&nu) {
+                w.iter_mut().zip(green).for_each(|(w, g)| *w += nu * g);
+            }
+            let mut values = self.on_outer(&w);
+            let change = last.as_ref().map(|last| {
+                let mut change: Vec<Complex> = values.iter().zip(last).map(|(a, b)| a - b).collect();
+                self.centre(&mut change)
+            });
+            last = Some(values.clone());
             let size = self.centre(&mut values);
-            let mut next = self.load(&values, self.shift);
-            self.factor.solve_in_place(&mut next, 1);
-            let nu = (1.0 - (next[p] - next[q])) / span;
-            next.iter_mut().zip(&green).for_each(|(n, g)| *n += nu * g);
-            let mut change: Vec<Complex> = self.on_boundary(&next).iter().zip(self.on_boundary(&w)).map(|(a, b)| a - b).collect();
-            let change = self.centre(&mut change);
-            w = next;
-            if !change.is_finite() {
+            if !size.is_finite() {
                 break;
             }
-            if change <= 1e-9 * size {
-                return Ok(w);
+            if change.is_some_and(|change| change <= 1e-9 * size) {
+                return Ok(finish(w, conditions, nu, pins[0].1));
             }
+            rest = self.load(&values, self.shift);
+            self.solve(&mut rest);
         }
         Err(EngineError::new(Reason::SolverSingular, "the pinned conformal map did not converge"))
     }
+
+    fn condition(&self, factor: &ChartFactor, v: u32) -> Result<Pin> {
+        let Some(kept) = &self.kept else { return Ok(Pin::Unknown(v as usize)) };
+        match (kept.binary_search(&v), &factor.reduction) {
+            (Ok(slot), _) => Ok(Pin::Unknown(slot)),
+            (Err(_), Reduction::Condensed(condensation)) => condensation.load(v).map(Pin::Eliminated).map_err(|e| solver_error(&e)),
+            (Err(_), Reduction::Whole(_)) => Err(EngineError::invariant("the boundary problem belongs to another patch")),
+        }
+    }
 }
 
-/// Complex values as points, those of the patch only.
-pub(super) fn as_points(w: &[Complex], count: usize) -> Vec<Vec2> {
-    w[..count].iter().map(|w| [w.re, w.im]).collect()
+/// Moves the map so that the first pin is at its target, and names the loads inside the patch.
+fn finish(mut w: Vec<Complex>, conditions: Vec<Pin>, nu: Vec<Complex>, target: Complex) -> Solution {
+    let mut all = vec![-nu.iter().sum::<Complex>()];
+    all.extend(nu);
+    let inside: Complex = conditions.iter().zip(&all).map(|(pin, &nu)| nu * conditions[0].response(pin)).sum();
+    let shift = target - conditions[0].value(&w) - inside;
+    w.iter_mut().for_each(|w| *w += shift);
+    let loads = conditions.into_iter().zip(all).filter_map(|(pin, nu)| match pin {
+        Pin::Eliminated(load) => Some((load, nu)),
+        Pin::Unknown(_) => None,
+    });
+    Solution { unknowns: w, loads: loads.collect() }
 }
 
-/// A solver failure as an engine error.
-pub(super) fn solver_error(e: &SolveError) -> EngineError {
-    let reason = match e {
-        SolveError::Resources(_) => Reason::LimitReached,
-        SolveError::Shape { .. } => Reason::Invariant,
-        _ => Reason::SolverSingular,
+/// Values of the unknowns of a boundary problem, and loads inside the patch.
+pub(super) struct Solution {
+    pub(super) unknowns: Vec<Complex>,
+    pub(super) loads: Vec<(Load, Complex)>,
+}
+
+impl Solution {
+    /// Positions of all vertices of the patch: one backward substitution for a condensed patch.
+    pub(super) fn spread(&self, factor: &ChartFactor, count: usize) -> Result<Vec<Vec2>> {
+        let pair = |w: &Complex| [w.re, w.im];
+        match &factor.reduction {
+            Reduction::Whole(_) => Ok(self.unknowns[..count].iter().map(pair).collect()),
+            Reduction::Condensed(condensation) => {
+                let kept: Vec<Vec2> = self.unknowns.iter().map(pair).collect();
+                let loads: Vec<(&Load, [f64; 2])> = self.loads.iter().map(|(load, nu)| (load, pair(nu))).collect();
+                condensation.extend(&kept, &loads).map_err(|e| solver_error(&e))
+            }
+        }
+    }
+}
+
+fn dense_factor(
+    domain: &Domain<'_>,
+    condensation: &Condensation,
+    mut matrix: Vec<Complex>,
+    mass: &[f64],
+    shift: f64,
+) -> std::result::Result<Factor, SolveError> {
+    let kept = condensation.plan().kept();
+    for (&v, &m) in domain.outer.iter().zip(mass) {
+        matrix[kept.partition_point(|&w| w < v) * (kept.len() + 1)] += Complex::new(shift * m, 0.0);
+    }
+    DenseHermitian::new(matrix, kept.len()).map(Factor::Dense)
+}
+
+fn sparse_factor(
+    domain: &Domain<'_>,
+    plan: &Arc<CholeskyPlan>,
+    mass: &[f64],
+    shift: f64,
+) -> Result<std::result::Result<Factor, SolveError>> {
+    let matrix = conformal_matrix(domain, mass, shift)?;
+    let made = if domain.virtual_triangles.is_empty() {
+        HermitianCholesky::with_plan(plan.clone(), &matrix)
+    } else {
+        HermitianCholesky::new(&matrix)
     };
-    EngineError::new(reason, e.to_string())
+    Ok(made.map(Factor::Sparse))
 }

@@ -8,10 +8,12 @@
 //!
 //! Virtual triangles only add to the operators; they never leave the callers of this module.
 
-use super::ears;
+use super::outcome::{Filling, HoleFilling};
+use super::{ears, hole};
 use crate::error::{EngineError, Result};
 use crate::patch::Patch;
 use crate::vector::{Vec2, Vec3, add, bounds, cross, distance, dot, norm, scale, sub};
+use crate::work::Work;
 
 /// Smallest height over longest side with which a triangle enters an operator. Thinner ones are taken as this thick: the
 /// operator stays an exact finite element one, of a slightly thicker triangle, and no weight exceeds its inverse.
@@ -83,19 +85,6 @@ impl Flat {
     }
 }
 
-/// Which virtual triangles a domain gets.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Filling {
-    /// None: all loops are natural boundaries.
-    Open,
-    /// Caps in all loops but the longest.
-    Caps,
-    /// Ears along the longest loop.
-    Ears,
-    /// Both.
-    CapsAndEars,
-}
-
 /// A patch in coordinates of order 1, perhaps filled up.
 #[derive(Debug)]
 pub(super) struct Domain<'a> {
@@ -107,29 +96,50 @@ pub(super) struct Domain<'a> {
     pub(super) virtual_triangles: Vec<[u32; 3]>,
     /// The outer loop, without the vertices behind ears.
     pub(super) outer: Vec<u32>,
-    /// What a normalised length must be multiplied by; a power of two, so that nothing is rounded.
-    pub(super) unit: f64,
 }
 
 impl<'a> Domain<'a> {
-    /// Normalises a patch and fills it up if wanted. O(size of the patch).
+    /// Normalises a patch with loop `outer` as the outer one, and fills it up. O(size of the patch), and O(m log m) for meshes of m
+    /// hole vertices.
     ///
     /// # Errors
-    /// A patch without faces or boundary, or with indices out of range (broken invariants).
-    pub(super) fn new(patch: &'a Patch, filling: Filling) -> Result<Self> {
+    /// A patch without faces or boundary, or with indices out of range (broken invariants); [`crate::error::Reason::ChartFailed`] for
+    /// a hole whose mean plane cannot be meshed; cancellation.
+    pub(super) fn new(patch: &'a Patch, outer: usize, filling: Filling, work: &Work<'_>) -> Result<Self> {
         check_patch(patch)?;
+        let unit = Domain::unit_of(patch)?;
         let (low, high) = bounds(&patch.positions).ok_or_else(|| EngineError::invariant("a patch without vertices"))?;
-        let unit = power_of_two_near(distance(low, high));
         let centre = scale(add(low, high), 0.5);
         let positions: Vec<Vec3> = patch.positions.iter().map(|&p| scale(sub(p, centre), 1.0 / unit)).collect();
-        let mut domain = Domain { patch, positions, virtual_triangles: Vec::new(), outer: patch.loops[0].clone(), unit };
-        if matches!(filling, Filling::Caps | Filling::CapsAndEars) {
-            patch.loops[1..].iter().for_each(|ring| domain.cap(ring));
+        let ring = patch.loops.get(outer).ok_or_else(|| EngineError::invariant(format!("the patch has no loop {outer}")))?.clone();
+        let mut domain = Domain { patch, positions, virtual_triangles: Vec::new(), outer: ring };
+        for ring in patch.loops.iter().enumerate().filter(|(k, _)| *k != outer).map(|(_, ring)| ring) {
+            match filling.holes {
+                HoleFilling::Open => {}
+                HoleFilling::CentreVertex => domain.cap(ring),
+                HoleFilling::MeanPlane => domain.mesh_hole(ring, work)?,
+            }
         }
-        if matches!(filling, Filling::Ears | Filling::CapsAndEars) {
+        if filling.ears {
             ears::clip(&mut domain);
         }
         Ok(domain)
+    }
+
+    /// What a normalised length must be multiplied by; a power of two, so that nothing is rounded.
+    pub(super) fn unit_of(patch: &Patch) -> Result<f64> {
+        let (low, high) = bounds(&patch.positions).ok_or_else(|| EngineError::invariant("a patch without vertices"))?;
+        Ok(power_of_two_near(distance(low, high)))
+    }
+
+    fn mesh_hole(&mut self, ring: &[u32], work: &Work<'_>) -> Result<()> {
+        let mesh = hole::mean_plane_fill(ring, &self.positions, work)?;
+        let first = self.positions.len() as u32;
+        let count = ring.len() as u32;
+        let vertex = |v: u32| if v < count { ring[v as usize] } else { first + v - count };
+        self.virtual_triangles.extend(mesh.triangles.iter().map(|t| t.map(vertex)));
+        self.positions.extend(mesh.positions);
+        Ok(())
     }
 
     fn cap(&mut self, ring: &[u32]) {

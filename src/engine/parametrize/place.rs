@@ -5,6 +5,7 @@ use super::domain::{Domain, Flat};
 use crate::vector::Vec2;
 
 /// Layouts and areas of the faces of a patch in normalised coordinates.
+#[derive(Debug)]
 pub(super) struct FaceShapes {
     pub(super) flats: Vec<Flat>,
     pub(super) areas: Vec<f64>,
@@ -15,6 +16,11 @@ impl FaceShapes {
         let flats: Vec<Flat> = domain.patch.triangles.iter().map(|&t| domain.flat(t)).collect();
         let areas = flats.iter().map(|f| f.area()).collect();
         FaceShapes { flats, areas }
+    }
+
+    /// Bytes held.
+    pub(super) fn bytes(&self) -> usize {
+        self.flats.len() * size_of::<Flat>() + self.areas.len() * 8
     }
 }
 
@@ -27,10 +33,19 @@ pub(super) fn chart_areas(triangles: &[[u32; 3]], uv: &[Vec2]) -> Vec<f64> {
     triangles.iter().map(area).collect()
 }
 
-/// Scales to `area`, moves the centroid to the origin, turns the principal axis of inertia to the first coordinate. The sense of
+/// How a chart is turned.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Turn {
+    /// Principal axis first.
+    Principal,
+    /// As it is: its outer loop is where somebody wants it.
+    Keep,
+}
+
+/// Scales to `area`, moves the centroid to the origin, turns the principal axis of inertia to the first coordinate if wanted. The sense of
 /// the axis is that of the third moment; a chart without a principal axis is turned to the first vertex of its boundary.
 /// `None` if the area of the chart is not positive and finite.
-pub(super) fn place(triangles: &[[u32; 3]], first: u32, area: f64, uv: &mut [Vec2]) -> Option<()> {
+pub(super) fn place(triangles: &[[u32; 3]], first: u32, area: f64, turn: Turn, uv: &mut [Vec2]) -> Option<()> {
     let areas = chart_areas(triangles, uv);
     let total: f64 = areas.iter().sum();
     if !(total > 0.0 && total.is_finite() && area > 0.0) {
@@ -44,8 +59,10 @@ pub(super) fn place(triangles: &[[u32; 3]], first: u32, area: f64, uv: &mut [Vec
     }
     let size = (area / total).sqrt();
     uv.iter_mut().for_each(|p| *p = [size * (p[0] - centre[0]), size * (p[1] - centre[1])]);
-    let (cos, sin) = direction(triangles, &areas, first, uv)?;
-    uv.iter_mut().for_each(|p| *p = [cos * p[0] + sin * p[1], cos * p[1] - sin * p[0]]);
+    if turn == Turn::Principal {
+        let (cos, sin) = direction(triangles, &areas, first, uv)?;
+        uv.iter_mut().for_each(|p| *p = [cos * p[0] + sin * p[1], cos * p[1] - sin * p[0]]);
+    }
     uv.iter().flatten().all(|x| x.is_finite()).then_some(())
 }
 
@@ -92,11 +109,11 @@ fn face_distortion(flat: &Flat, corners: [Vec2; 3]) -> Option<FaceDistortion> {
     Some(FaceDistortion { angle, area: det, stretch })
 }
 
-/// Distortion of a chart that has been placed (in normalised coordinates). Faces without area are left out.
-pub(super) fn distortion(triangles: &[[u32; 3]], shapes: &FaceShapes, uv: &[Vec2]) -> Distortion {
+/// Distortion of a chart in normalised coordinates after scaling it by `size`. Faces without area are left out.
+pub(super) fn distortion(triangles: &[[u32; 3]], shapes: &FaceShapes, uv: &[Vec2], size: f64) -> Distortion {
     let (mut least, mut sums, mut most, mut weight) = ([f64::INFINITY; 3], [0.0; 3], [0.0f64; 3], 0.0);
     for ((t, flat), &area) in triangles.iter().zip(&shapes.flats).zip(&shapes.areas) {
-        let Some(face) = face_distortion(flat, t.map(|v| uv[v as usize])) else { continue };
+        let Some(face) = face_distortion(flat, t.map(|v| [size * uv[v as usize][0], size * uv[v as usize][1]])) else { continue };
         for (k, value) in [face.angle, face.area, face.stretch].into_iter().enumerate() {
             least[k] = least[k].min(value);
             sums[k] += area * value;

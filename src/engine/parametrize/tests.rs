@@ -1,8 +1,12 @@
 //! Charts of surfaces whose maps are known, and of surfaces made to defeat them.
 
+use super::domain::Domain;
+use super::system::{Form, plan_as};
+use super::validity::{self, boundary_overlaps};
 use super::*;
+use crate::error::Reason;
 use crate::topology::Topology;
-use crate::vector::{Vec3, add, cross, dot, norm, scale, sub, triangle_area};
+use crate::vector::{Vec2, Vec3, add, cross, distance, dot, norm, scale, sub, triangle_area};
 use crate::work::CancelToken;
 use remesh_linalg::Complex;
 use std::f64::consts::TAU;
@@ -10,7 +14,8 @@ use std::f64::consts::TAU;
 mod checks;
 mod maps;
 
-const METHODS: [ChartMethod; 3] = [ChartMethod::SpectralConformal, ChartMethod::LeastSquaresConformal, ChartMethod::MeanValue];
+const METHODS: [ChartMethod; 5] = ChartMethod::ALL;
+const FREE: [ChartMethod; 2] = [ChartMethod::SpectralConformal, ChartMethod::LeastSquaresConformal];
 
 fn patch(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Patch {
     let topology = Topology::build(&triangles, positions.len()).unwrap();
@@ -70,8 +75,7 @@ fn pose(seed: u32, size: f64, p: Vec3) -> Vec3 {
 fn outcome(patch: &Patch, spec: ChartSpec) -> Result<ChartOutcome> {
     let cancel = CancelToken::new();
     let work = Work::silent(&cancel);
-    let factor = factor_conformal(patch, &work);
-    parametrize_patch(patch, factor.as_ref(), &spec, &work)
+    parametrize_patch(patch, &spec, &work)
 }
 
 fn chart(patch: &Patch, spec: ChartSpec) -> Chart {

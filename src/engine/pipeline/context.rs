@@ -134,22 +134,52 @@ impl<'a> Context<'a> {
         StageRecord { stage, subject, outcome: if hit { Outcome::Hit } else { Outcome::Run }, milliseconds, bytes }
     }
 
+    /// A stage whose inputs are stages too: they are looked at only if its own output is not cached. A plan that does not find the
+    /// output looks at the inputs and goes no further.
+    pub(super) fn staged<I, T: Contents + Any + Send + Sync>(
+        &self,
+        key: StageKey,
+        subject: Subject,
+        inputs: impl FnOnce() -> Step<I>,
+        compute: impl FnOnce(I, &Work<'_>) -> Result<T>,
+    ) -> Step<Stored<T>> {
+        let begin = Instant::now();
+        if let Some(found) = self.found::<T>(&key) {
+            let milliseconds = if self.mode == Mode::Plan { 0.0 } else { begin.elapsed().as_secs_f64() * 1e3 };
+            self.finished(StageRecord { stage: key.stage, subject, outcome: Outcome::Hit, milliseconds, bytes: found.bytes as u64 });
+            return Ok(found);
+        }
+        match inputs() {
+            Ok(inputs) => self.stage(key, subject, |work| compute(inputs, work)),
+            Err(Halt::Unknown) => {
+                self.record(self.planned_record(key.stage, subject, false, 0));
+                Err(Halt::Unknown)
+            }
+            Err(halt) => Err(halt),
+        }
+    }
+
+    /// What is cached under a key; a hit if the request is carried out.
+    fn found<T: Any + Send + Sync>(&self, key: &StageKey) -> Option<Stored<T>> {
+        match self.mode {
+            Mode::Plan => self.engine.cache.peek(key),
+            Mode::Execute => self.engine.cache.hit(key),
+        }
+    }
+
+    fn finished(&self, record: StageRecord) {
+        self.record(record);
+        if self.mode == Mode::Execute {
+            (self.run.events)(&Event { stage: record.stage, subject: record.subject, progress: Progress::Finished(record) });
+        }
+    }
+
     /// One stage through the cache.
     pub(super) fn stage<T: Contents + Any + Send + Sync>(
         &self,
         key: StageKey,
         subject: Subject,
         compute: impl FnOnce(&Work<'_>) -> Result<T>,
-    ) -> Step<Stored<T>> {
-        self.nested_stage(key, subject, |work| Ok(compute(work)?))
-    }
-
-    /// A stage whose computation asks for other stages. In a plan that finds nothing cached, `compute` is not called.
-    pub(super) fn nested_stage<T: Contents + Any + Send + Sync>(
-        &self,
-        key: StageKey,
-        subject: Subject,
-        compute: impl FnOnce(&Work<'_>) -> Step<T>,
     ) -> Step<Stored<T>> {
         let stage = key.stage;
         if self.mode == Mode::Plan {
@@ -164,17 +194,12 @@ impl<'a> Context<'a> {
         let begin = Instant::now();
         let fraction = |done: f64| (self.run.events)(&Event { stage, subject, progress: Progress::Fraction(done) });
         let work = Work::new(self.run.cancel, &fraction);
-        let computed = self.engine.cache.get_or_compute(key, self.run.cancel, || match compute(&work) {
-            Ok(value) => Ok(value),
-            Err(Halt::Error(error)) => Err(error),
-            Err(Halt::Unknown) => Err(EngineError::invariant("an output was unknown outside of planning")),
-        });
+        let computed = self.engine.cache.get_or_compute(key, self.run.cancel, || compute(&work));
         let (stored, outcome) = computed.inspect_err(|error| tracing::debug!(reason = error.reason().code(), "stage failed"))?;
         let milliseconds = begin.elapsed().as_secs_f64() * 1e3;
         let record = StageRecord { stage, subject, outcome, milliseconds, bytes: stored.bytes as u64 };
         tracing::debug!(hit = outcome == Outcome::Hit, milliseconds, bytes = record.bytes, "stage done");
-        self.record(record);
-        (self.run.events)(&Event { stage, subject, progress: Progress::Finished(record) });
+        self.finished(record);
         Ok(stored)
     }
 

@@ -13,7 +13,10 @@ use crate::fingerprint::{Contents, Feeder, Fingerprint};
 use crate::import::{ImportOptions, Imported, import_arrays, import_mesh};
 use crate::mesh::SurfaceMesh;
 use crate::optimize::optimize_surface;
-use crate::parametrize::{ChartOutcome, ChartSpec, ConformalFactor, factor_conformal, parametrize_patch};
+use crate::parametrize::{
+    BoundaryFactor, ChartFactor, ChartOutcome, ChartSpec, ChartSystem, MapSpec, ProblemSpec, SolvedMap, Weights, candidate_maps, conclude,
+    factor_boundary, factor_system, next_map, plan_system, solve_map, unsolved_map,
+};
 use crate::partition::{Partition, partition_surface, split_patches};
 use crate::patch::{PatchMap, extract_patches};
 use crate::planar::{CurveUse, LiftedPatch, PlanarMesh, VertexOrigin, lift, mesh_chart};
@@ -178,46 +181,124 @@ fn spec_and_chart_step(
     }
 }
 
-/// The chart a patch would have under another specification (vertices of the imported mesh).
-pub(super) fn preview_step(context: &Context<'_>, layout: &Layout, p: usize, spec: &ChartSpec) -> Step<Stored<ChartOutcome>> {
+/// The chart a patch would have under another specification (vertices of the imported mesh), and the maps that were tried for it.
+pub(super) fn preview_step(
+    context: &Context<'_>,
+    layout: &Layout,
+    p: usize,
+    spec: &ChartSpec,
+) -> Step<(Result<Stored<ChartOutcome>>, Vec<Stored<SolvedMap>>)> {
     let spec = spec.localised(&layout.patches.patches[p].2, &layout.surface.imported.mesh.positions)?;
-    chart_step(context, &spec, &layout.patches, p)
+    let tried = tried_maps(context, &spec, &layout.patches, p)?;
+    let chart = match chart_step(context, &spec, &layout.patches, p) {
+        Ok(chart) => Ok(chart),
+        Err(Halt::Error(error)) if error.reason() == Reason::ChartFailed => Err(error),
+        Err(halt) => return Err(halt),
+    };
+    Ok((chart, tried))
 }
 
 fn chart_step(context: &Context<'_>, spec: &ChartSpec, patches: &PatchSet, p: usize) -> Step<Stored<ChartOutcome>> {
     let (patch, fingerprint, _) = &patches.patches[p];
-    let subject = Subject::Patch(p as u32);
     let key = StageKey::new(Stage::Chart, |f| {
         f.fingerprint(*fingerprint).text(&format!("{spec:?}"));
     });
-    context.nested_stage(key, subject, |work| {
-        let factor_key = StageKey::new(Stage::Factor, |f| {
-            f.fingerprint(*fingerprint);
-        });
-        let factor =
-            context.stage(factor_key, subject, |work| factor_conformal(patch, work).map(|factor| Factor { factor, of: *fingerprint }));
-        let factor = match factor {
-            Ok(factor) => Ok(factor),
-            Err(Halt::Error(error)) if error.reason() == Reason::SolverSingular => Err(error),
-            Err(halt) => return Err(halt),
+    let tried = || tried_maps(context, spec, patches, p);
+    context.staged(key, Subject::Patch(p as u32), tried, |tried, _| conclude(patch, spec, &tried))
+}
+
+/// The maps of a patch up to the first that can be used.
+pub(super) fn tried_maps(context: &Context<'_>, spec: &ChartSpec, patches: &PatchSet, p: usize) -> Step<Vec<Stored<SolvedMap>>> {
+    let maps = candidate_maps(&patches.patches[p].0, spec)?;
+    let mut tried = Vec::new();
+    while let Some(map) = next_map(&maps, &tried) {
+        tried.push(solve_step(context, map, patches, p)?);
+    }
+    Ok(tried)
+}
+
+fn solve_step(context: &Context<'_>, map: &MapSpec, patches: &PatchSet, p: usize) -> Step<Stored<SolvedMap>> {
+    let (patch, fingerprint, _) = &patches.patches[p];
+    let key = StageKey::new(Stage::Solve, |f| {
+        f.fingerprint(*fingerprint).text(&format!("{map:?}"));
+    });
+    let problem = map.problem();
+    let factors = || -> Step<Result<(Option<Stored<Kept<ChartFactor>>>, Stored<Kept<BoundaryFactor>>)>> {
+        // An operator that cannot be factorized is the end of this map, not of the chart.
+        let interior = match problem.family.interior().map(|weights| factor_step(context, weights, patches, p)).transpose() {
+            Ok(interior) => interior,
+            Err(halt) => return one_map_fails(halt),
         };
-        Ok(parametrize_patch(patch, factor.as_ref().map(|f| &f.factor), spec, work)?)
+        match boundary_step(context, problem, patches, p) {
+            Ok(boundary) => Ok(Ok((interior, boundary))),
+            Err(halt) => one_map_fails(halt),
+        }
+    };
+    context.staged(key, Subject::Patch(p as u32), factors, |factors, work| match factors {
+        Ok((interior, boundary)) => solve_map(patch, interior.as_ref().map(|f| &f.value.factor), &boundary.value.factor, map, work),
+        Err(error) => Ok(unsolved_map(map, &error)),
     })
 }
 
-/// A cached factor; its identity is that of the patch it belongs to.
-struct Factor {
-    factor: ConformalFactor,
-    of: Fingerprint,
+fn one_map_fails<T>(halt: Halt) -> Step<Result<T>> {
+    match halt {
+        Halt::Error(error) if error.fails_one_map() => Ok(Err(error)),
+        halt => Err(halt),
+    }
 }
 
-impl Contents for Factor {
+fn boundary_step(context: &Context<'_>, problem: ProblemSpec, patches: &PatchSet, p: usize) -> Step<Stored<Kept<BoundaryFactor>>> {
+    let (patch, fingerprint, _) = &patches.patches[p];
+    let key = StageKey::new(Stage::Boundary, |f| {
+        f.fingerprint(*fingerprint).text(&format!("{problem:?}"));
+    });
+    let of = key.input;
+    let interior = || problem.family.interior().map(|weights| factor_step(context, weights, patches, p)).transpose();
+    context.staged(key, Subject::Patch(p as u32), interior, |interior, work| {
+        let factor = factor_boundary(patch, interior.as_ref().map(|f| &f.value.factor), problem, work)?;
+        Ok(Kept { bytes: factor.bytes(), factor, of })
+    })
+}
+
+fn factor_step(context: &Context<'_>, weights: Weights, patches: &PatchSet, p: usize) -> Step<Stored<Kept<ChartFactor>>> {
+    let (patch, fingerprint, _) = &patches.patches[p];
+    let key = StageKey::new(Stage::Factor, |f| {
+        f.fingerprint(*fingerprint).text(&format!("{weights:?}"));
+    });
+    let of = key.input;
+    context.staged(key, Subject::Patch(p as u32), || system_step(context, patches, p), |system, work| {
+        let factor = factor_system(patch, &system.value.factor, weights, work)?;
+        Ok(Kept { bytes: factor.bytes(), factor, of })
+    })
+}
+
+/// Keyed by connectivity only, so that it outlives moved vertices.
+fn system_step(context: &Context<'_>, patches: &PatchSet, p: usize) -> Step<Stored<Kept<ChartSystem>>> {
+    let (patch, ..) = &patches.patches[p];
+    let key = StageKey::new(Stage::System, |f| {
+        f.u64(patch.positions.len() as u64).tuples(&patch.triangles);
+    });
+    let of = key.input;
+    context.stage(key, Subject::Patch(p as u32), |work| {
+        let factor = plan_system(patch, work)?;
+        Ok(Kept { bytes: factor.bytes(), factor, of })
+    })
+}
+
+/// A factorization in the cache; its identity is that of its key, since equal inputs give equal factors.
+pub(super) struct Kept<T> {
+    factor: T,
+    of: Fingerprint,
+    bytes: usize,
+}
+
+impl<T> Contents for Kept<T> {
     fn feed(&self, into: &mut Feeder) {
         into.fingerprint(self.of);
     }
 
     fn bytes(&self) -> usize {
-        self.factor.bytes()
+        self.bytes
     }
 }
 

@@ -164,6 +164,14 @@ impl StageCache {
         take_ready(&mut state, key)
     }
 
+    /// The output under a key, if it is ready; counted as a hit.
+    pub fn hit<T: Any + Send + Sync>(&self, key: &StageKey) -> Option<Stored<T>> {
+        let mut state = self.lock();
+        let found = take_ready(&mut state, key)?;
+        state.usage.hits += 1;
+        Some(found)
+    }
+
     /// The output under a key: from the cache, by waiting for whoever computes it, or by computing it.
     /// Failed and cancelled computations leave nothing behind; if the computation waited for fails, the waiter computes itself.
     ///

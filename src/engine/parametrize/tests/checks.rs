@@ -165,15 +165,11 @@ fn cancelled_work_stops_and_broken_patches_are_refused() {
     let (patch, _) = disc();
     let cancel = CancelToken::new();
     cancel.cancel();
-    assert_eq!(factor_conformal(&patch, &Work::silent(&cancel)).unwrap_err().reason(), Reason::Cancelled);
-    let broken = EngineError::new(Reason::SolverSingular, "no factor");
-    let stopped = parametrize_patch(&patch, Err(&broken), &ChartSpec::default(), &Work::silent(&cancel)).unwrap_err();
+    let stopped = parametrize_patch(&patch, &ChartSpec::default(), &Work::silent(&cancel)).unwrap_err();
     assert_eq!(stopped.reason(), Reason::Cancelled);
     let fresh = CancelToken::new();
-    let fallback = parametrize_patch(&patch, Err(&broken), &ChartSpec::only(ChartMethod::MeanValue), &Work::silent(&fresh)).unwrap();
-    assert!(matches!(fallback, ChartOutcome::Mapped(_)));
     let empty = Patch::default();
-    assert_eq!(factor_conformal(&empty, &Work::silent(&fresh)).unwrap_err().reason(), Reason::Invariant);
+    assert_eq!(plan_system(&empty, &Work::silent(&fresh)).unwrap_err().reason(), Reason::Invariant);
 }
 
 #[test]
@@ -184,8 +180,9 @@ fn virtual_triangles_close_holes_and_notches_and_keep_the_surface_manifold() {
         let r = 1.0 + v * (1.0 + if v == 1.0 && k % 6 < 2 { -0.15 } else { 0.0 });
         [r * (TAU * u).cos(), -r * (TAU * u).sin(), 0.3 * v]
     });
-    let outline = |filling| {
-        let domain = Domain::new(&ring, filling).unwrap();
+    let cancel = CancelToken::new();
+    let outline = |holes, ears| {
+        let domain = Domain::new(&ring, 0, Filling { holes, ears }, &Work::silent(&cancel)).unwrap();
         let all: Vec<[u32; 3]> = domain.triangles().collect();
         let topology = Topology::build(&all, domain.size()).unwrap();
         assert!(topology.loops.iter().any(|l| {
@@ -197,9 +194,9 @@ fn virtual_triangles_close_holes_and_notches_and_keep_the_surface_manifold() {
         }));
         (topology.loops.len(), domain.outer.len())
     };
-    assert_eq!(outline(Virtual::Open), (2, 48));
-    assert_eq!(outline(Virtual::Caps), (1, 48));
-    let (loops, edges) = outline(Virtual::Ears);
+    assert_eq!(outline(HoleFilling::Open, false), (2, 48));
+    assert_eq!(outline(HoleFilling::CentreVertex, false), (1, 48));
+    let (loops, edges) = outline(HoleFilling::Open, true);
     assert!(loops == 2 && edges < 48, "{edges}");
-    assert_eq!(outline(Virtual::CapsAndEars), (1, edges));
+    assert_eq!(outline(HoleFilling::CentreVertex, true), (1, edges));
 }

@@ -1,13 +1,13 @@
 //! Known maps: flat and developable patches, energies by a second formula, promises over families of patches.
 
 use super::*;
-use crate::parametrize::conformal::{boundary_mass, conformal_matrix};
+use crate::parametrize::conformal::{ConformalProblem, boundary_mass, conformal_matrix};
 
 #[test]
 fn a_flat_patch_maps_by_a_similarity_in_any_pose_and_size() {
     for (seed, size) in [(1, 1.0), (2, 1e-8), (3, 1e3), (4, 1e-150)] {
         let flat = grid(9, 6, false, 0.7, |u, v| pose(seed, size, [2.0 * u + 0.1 * v * v, v, 0.0]));
-        for method in [ChartMethod::SpectralConformal, ChartMethod::LeastSquaresConformal] {
+        for method in FREE {
             let chart = chart(&flat, ChartSpec::only(method));
             assert!(length_error(&flat, &chart) < 1e-6, "{method:?} {size}: {}", length_error(&flat, &chart));
             let d = chart.distortion;
@@ -25,7 +25,7 @@ fn developable_patches_map_isometrically() {
         [r * (1.7 * u).cos(), r * (1.7 * u).sin(), 0.8 * r]
     });
     for patch in [cylinder, cone] {
-        for method in [ChartMethod::SpectralConformal, ChartMethod::LeastSquaresConformal] {
+        for method in FREE {
             assert!(length_error(&patch, &chart(&patch, ChartSpec::only(method))) < 1e-6);
         }
     }
@@ -40,7 +40,7 @@ fn one_to_three_faces_map_isometrically() {
         for method in METHODS {
             let chart = chart(&patch, ChartSpec::only(method));
             assert_promises(&patch, &chart);
-            if method != ChartMethod::MeanValue {
+            if !method.has_fixed_boundary() {
                 assert!(length_error(&patch, &chart) < 1e-6, "{method:?} {count}");
             }
         }
@@ -120,36 +120,64 @@ fn the_matrix_gives_the_conformal_energy_and_the_spectral_map_minimises_it() {
     let patch = half_sphere(14);
     let cancel = CancelToken::new();
     let work = Work::silent(&cancel);
-    let domain = Domain::new(&patch, Virtual::Open).unwrap();
+    let domain = Domain::new(&patch, 0, Filling::default(), &work).unwrap();
     let mass = boundary_mass(&domain);
     assert!((mass.iter().sum::<f64>() - 1.0).abs() < 1e-12);
-    let matrix = conformal_matrix(&domain, &domain.outer, &mass, 0.0).unwrap();
+    let matrix = conformal_matrix(&domain, &mass, 0.0).unwrap();
     let random: Vec<Complex> = (0..domain.size() as u32).map(|i| Complex::new(noise(i), noise(i + 5000))).collect();
     let (one, two) = (0.5 * form(&matrix, &random), conformal_energy_directly(&patch, &random));
     assert!((one / two - 1.0).abs() < 1e-10, "{one} {two}");
 
-    let conformal = Conformal::new(&domain, &work).unwrap();
-    let (spectral, value) = conformal.spectral(&work).unwrap();
+    for form in [Form::Condensed, Form::Whole] {
+        let system = plan_as(&patch, form, &work).unwrap();
+        let factor = factor_system(&patch, &system, Weights::Cotangent, &work).unwrap();
+        let conformal = ConformalProblem::new(&domain, &factor, &work).unwrap();
+        minimises(&patch, &domain, &factor, &conformal, &mass);
+    }
+}
+
+/// The spectral map has the least ratio of energy and boundary moment; pinned maps have the least energy under their pins.
+fn minimises(patch: &Patch, domain: &Domain<'_>, factor: &ChartFactor, conformal: &ConformalProblem, mass: &[f64]) {
+    let cancel = CancelToken::new();
+    let work = Work::silent(&cancel);
+    let count = patch.positions.len();
+    let complex = |uv: Vec<Vec2>| -> Vec<Complex> { uv.iter().map(|p| Complex::new(p[0], p[1])).collect() };
+    let (solution, value) = conformal.spectral(&work).unwrap();
+    let spectral = complex(solution.spread(factor, count).unwrap());
     let ratio = |w: &[Complex]| {
         let on: Vec<Complex> = domain.outer.iter().map(|&v| w[v as usize]).collect();
-        let mean: Complex = on.iter().zip(&mass).map(|(w, &m)| w * m).sum();
-        2.0 * conformal_energy_directly(&patch, w) / on.iter().zip(&mass).map(|(w, m)| (w - mean).norm_sqr() * m).sum::<f64>()
+        let mean: Complex = on.iter().zip(mass).map(|(w, &m)| w * m).sum();
+        2.0 * conformal_energy_directly(patch, w) / on.iter().zip(mass).map(|(w, m)| (w - mean).norm_sqr() * m).sum::<f64>()
     };
     assert!((ratio(&spectral) / value - 1.0).abs() < 1e-5, "{} {value}", ratio(&spectral));
     let ring = &domain.outer;
-    for (p, q) in [(0, ring.len() / 2), (ring.len() / 4, 3 * ring.len() / 4), (1, 3)] {
-        let pinned = conformal.pinned(ring[p], ring[q], &work).unwrap();
-        let span = pinned[ring[p] as usize] - pinned[ring[q] as usize];
-        assert!((span - 1.0).norm() < 1e-9);
-        assert!(ratio(&pinned) >= value * (1.0 - 1e-6));
+    let inner = (0..count as u32).filter(|v| !ring.contains(v)).collect::<Vec<_>>();
+    let at = |k: usize| ring[k % ring.len()];
+    let pair = [Complex::new(0.0, 0.0), Complex::new(1.0, 0.0)];
+    let many = [(0.0, 0.0), (1.1, 0.1), (0.9, 1.2), (-0.2, 1.0), (0.4, 0.7)].map(|(x, y)| Complex::new(x, y));
+    let cases: Vec<Vec<(u32, Complex)>> = vec![
+        vec![(at(0), pair[0]), (at(ring.len() / 2), pair[1])],
+        vec![(at(1), pair[0]), (at(3), pair[1])],
+        vec![(inner[7], pair[0]), (at(5), pair[1])],
+        vec![(inner[11], pair[0]), (inner[60], pair[1])],
+        vec![(at(0), many[0]), (at(13), many[1]), (inner[70], many[2]), (at(40), many[3]), (inner[80], many[4])],
+    ];
+    for pins in cases {
+        let pinned = complex(conformal.pinned(factor, &pins, &work).unwrap().spread(factor, count).unwrap());
+        for &(v, target) in &pins {
+            assert!((pinned[v as usize] - target).norm() < 1e-9, "{v}: {} {target}", pinned[v as usize]);
+        }
+        if pins.len() == 2 {
+            assert!(ratio(&pinned) >= value * (1.0 - 1e-6));
+        }
         // Stationary: no other map with these pins has less energy, tried in a few directions.
-        let energy = conformal_energy_directly(&patch, &pinned);
+        let energy = conformal_energy_directly(patch, &pinned);
         for seed in 0..5u32 {
             let mut other = pinned.clone();
-            for (v, w) in other.iter_mut().enumerate().filter(|(v, _)| *v as u32 != ring[p] && *v as u32 != ring[q]) {
+            for (v, w) in other.iter_mut().enumerate().filter(|(v, _)| pins.iter().all(|p| p.0 != *v as u32)) {
                 *w += Complex::new(noise(seed * 9001 + v as u32) - 0.5, noise(seed * 77 + 3 * v as u32) - 0.5) * 1e-4;
             }
-            assert!(conformal_energy_directly(&patch, &other) > energy);
+            assert!(conformal_energy_directly(patch, &other) > energy);
         }
     }
 }
