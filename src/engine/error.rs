@@ -232,7 +232,7 @@ impl EngineError {
 
     /// Whether it says that one map of a patch cannot be computed while another may: a singular operator, a hole that cannot be filled.
     pub fn fails_one_map(&self) -> bool {
-        matches!(self.reason(), Reason::SolverSingular | Reason::ChartFailed)
+        matches!(self.reason(), Reason::SolverSingular | Reason::ChartFailed | Reason::PlanarMeshFailed)
     }
 
     /// A broken invariant of the engine.

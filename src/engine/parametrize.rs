@@ -10,6 +10,7 @@ mod conformal;
 mod dirichlet;
 mod domain;
 mod ears;
+mod frame;
 mod hole;
 mod map;
 mod mean_value;

@@ -6,7 +6,7 @@ use super::spec::{ChartMethod, ChartSpec, Holes, OuterLoop, Pins, check_vertex};
 use super::{pins, validity};
 use crate::error::{Element, EngineError, Location, Reason, Result};
 use crate::patch::Patch;
-use crate::vector::Vec2;
+use crate::vector::{Vec2, add, scale};
 
 /// The maps to try for a patch, in order. `spec` has local vertices.
 ///
@@ -128,7 +128,8 @@ pub fn next_map<'a>(maps: &'a [MapSpec], tried: &[impl std::ops::Deref<Target = 
 /// The chart, from the maps that were tried.
 ///
 /// # Errors
-/// [`Reason::ChartFailed`] if the spec names a method and no map of it is one-to-one, with flipped faces (patch-local ids) as locations.
+/// [`Reason::ChartFailed`] if the spec names a method and no map of it is one-to-one, with boundary edges that meet and
+/// flipped faces (patch-local ids) as locations.
 pub fn conclude(patch: &Patch, spec: &ChartSpec, tried: &[impl std::ops::Deref<Target = SolvedMap>]) -> Result<ChartOutcome> {
     let attempts: Vec<ChartAttempt> = tried.iter().map(|map| map.attempt.clone()).collect();
     if let Some(last) = tried.last().filter(|map| map.verdict == MapVerdict::Usable) {
@@ -152,13 +153,15 @@ pub fn conclude(patch: &Patch, spec: &ChartSpec, tried: &[impl std::ops::Deref<T
     let told: Vec<String> = attempts.iter().map(|a| format!("{}: {}", a.method.name(), a.rejected)).collect();
     let reason = format!("no chart is one-to-one ({})", told.join("; "));
     let Some(method) = spec.method else { return Ok(ChartOutcome::MustSplit { attempts, reason }) };
-    let worst = tried.iter().rev().find_map(|map| match &map.verdict {
-        MapVerdict::NotBijective { flipped, .. } if !flipped.is_empty() => Some(flipped.clone()),
+    let blame = tried.iter().rev().find_map(|map| match &map.verdict {
+        MapVerdict::NotBijective { flipped, crossing } => Some((flipped, crossing)),
         _ => None,
     });
+    let faces = blame.iter().flat_map(|(flipped, _)| flipped.iter().map(|&f| face_location(patch, f)));
+    let edges = blame.iter().flat_map(|(_, crossing)| crossing.iter().flatten().map(|&e| edge_location(patch, e)));
     Err(EngineError::new(Reason::ChartFailed, format!("the requested {} map fails: {reason}", method.name()))
         .with_hint("let the method be chosen automatically, or split the patch")
-        .with_locations(worst.unwrap_or_default().into_iter().map(|f| face_location(patch, f))))
+        .with_locations(edges.chain(faces)))
 }
 
 /// The similarity that takes two vertices of a finished map to their targets; `None` without targets.
@@ -180,6 +183,11 @@ fn to_targets(uv: &[Vec2], pins: Vec<(u32, Option<Vec2>)>) -> Option<Vec<Vec2>> 
 
 pub(super) fn vertex_location(patch: &Patch, vertex: u32) -> Location {
     Location { element: Element::Vertex, ids: vec![vertex], position: patch.positions[vertex as usize] }
+}
+
+fn edge_location(patch: &Patch, edge: [u32; 2]) -> Location {
+    let [a, b] = edge.map(|v| patch.positions[v as usize]);
+    Location { element: Element::Edge, ids: edge.to_vec(), position: scale(add(a, b), 0.5) }
 }
 
 fn face_location(patch: &Patch, face: u32) -> Location {

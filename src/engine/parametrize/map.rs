@@ -11,7 +11,7 @@ use super::outer::place_outer;
 use super::place::{FaceShapes, Turn, chart_areas, distortion, place};
 use super::spec::{Boundary, ChartMethod};
 use super::system::ChartFactor;
-use super::validity::{self, boundary_overlaps, scale_variation};
+use super::validity::{self, Overlap, find_overlap, scale_variation};
 use crate::error::{EngineError, Result};
 use crate::fingerprint::{Contents, Feeder};
 use crate::patch::Patch;
@@ -134,12 +134,12 @@ pub enum MapVerdict {
     Usable,
     /// One-to-one, but lengths are scaled so unevenly that the patch must be split; by how much.
     Crowded(f64),
-    /// Faces that are flipped, and two boundary edges (pairs of vertices) that meet, if any do.
+    /// Not one-to-one.
     NotBijective {
         /// Flipped faces.
         flipped: Vec<u32>,
-        /// Whether the boundary runs into itself.
-        overlaps: bool,
+        /// Two boundary edges (pairs of vertices) that meet in the plane, if any do.
+        crossing: Option<[[u32; 2]; 2]>,
     },
     /// The solver gave up; why.
     Unsolved(String),
@@ -276,7 +276,8 @@ fn examine(patch: &Patch, shapes: &FaceShapes, map: &MapSpec, mut uv: Vec<Vec2>,
         }
     }
     attempt.flipped = flipped.len() as u32;
-    attempt.overlaps = boundary_overlaps(&patch.loops, &uv, work)?;
+    let overlap = find_overlap(&patch.loops, &uv, work)?;
+    attempt.overlaps = overlap.is_some();
     let scale = if exact { area / chart_areas(&patch.triangles, &uv).iter().sum::<f64>().abs() } else { 1.0 };
     let distortion = distortion(&patch.triangles, shapes, &uv, scale.sqrt());
     let verdict = if !flipped.is_empty() || attempt.overlaps {
@@ -285,7 +286,11 @@ fn examine(patch: &Patch, shapes: &FaceShapes, map: &MapSpec, mut uv: Vec<Vec2>,
             (n, false) => format!("{n} flipped faces"),
             (n, true) => format!("{n} flipped faces and the boundary runs into itself"),
         };
-        MapVerdict::NotBijective { flipped, overlaps: attempt.overlaps }
+        let crossing = match overlap {
+            Some(Overlap::Edges(edges)) => Some(edges),
+            Some(Overlap::Winding(_)) | None => None,
+        };
+        MapVerdict::NotBijective { flipped, crossing }
     } else {
         let variation = scale_variation(&patch.triangles, &shapes.areas, &chart_areas(&patch.triangles, &uv), patch.positions.len());
         if variation > MAX_SCALE_VARIATION {

@@ -26,26 +26,40 @@ pub(super) fn flipped_faces(triangles: &[[u32; 3]], uv: &[Vec2]) -> Vec<u32> {
     triangles.iter().enumerate().filter(|(_, t)| bad(t)).map(|(f, _)| f as u32).collect()
 }
 
-/// Whether boundary edges cross, touch or fold onto one another, or the loops wind around a place more than once.
-/// O(m log m) for m boundary edges that do not crowd.
-pub(super) fn boundary_overlaps(loops: &[Vec<u32>], uv: &[Vec2], work: &Work<'_>) -> Result<bool> {
-    if loops.iter().filter(|ring| signed_area(ring, uv) > 0.0).count() != 1 {
-        return Ok(true);
-    }
-    let edges: Vec<[u32; 2]> = loops.iter().flat_map(|ring| (0..ring.len()).map(move |k| [ring[k], ring[(k + 1) % ring.len()]])).collect();
-    Boxes::over(&edges, uv).any_meeting(&edges, uv, work)
+/// Why the boundary of a chart does not bound a one-to-one image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Overlap {
+    /// Two boundary edges cross, touch or fold onto one another; each as its two vertices in loop direction.
+    Edges([[u32; 2]; 2]),
+    /// No two edges meet, but this many loops run counter-clockwise instead of one: a place is covered more than once, or none.
+    Winding(usize),
 }
 
-/// Twice the area inside a closed polygon, about its first vertex to save digits.
-fn signed_area(ring: &[u32], uv: &[Vec2]) -> f64 {
+/// Whether boundary edges cross, touch or fold onto one another, or the loops wind around a place more than once. See
+/// [`find_overlap`].
+pub(super) fn boundary_overlaps(loops: &[Vec<u32>], uv: &[Vec2], work: &Work<'_>) -> Result<bool> {
+    Ok(find_overlap(loops, uv, work)?.is_some())
+}
+
+/// The first place found where boundary edges cross, touch or fold onto one another (always the same one), or that the loops wind
+/// around a place more than once. Exact but for underflow, which can only be taken for an overlap. O(m log m) for m boundary edges
+/// that do not crowd.
+pub(super) fn find_overlap(loops: &[Vec<u32>], uv: &[Vec2], work: &Work<'_>) -> Result<Option<Overlap>> {
+    let edges: Vec<[u32; 2]> = loops.iter().flat_map(|ring| (0..ring.len()).map(move |k| [ring[k], ring[(k + 1) % ring.len()]])).collect();
+    if let Some(pair) = Boxes::over(&edges, uv).first_meeting(&edges, uv, work)? {
+        return Ok(Some(Overlap::Edges(pair)));
+    }
+    let positive = loops.iter().filter(|ring| runs_counter_clockwise(ring, uv)).count();
+    Ok((positive != 1).then_some(Overlap::Winding(positive)))
+}
+
+/// Whether a closed polygon whose edges do not meet runs counter-clockwise: exactly, by the turn at its lowest leftmost vertex, which
+/// is convex. That turn cannot be straight, or the two edges there would lie on one another.
+fn runs_counter_clockwise(ring: &[u32], uv: &[Vec2]) -> bool {
     let at = |k: usize| uv[ring[k % ring.len()] as usize];
-    let o = at(0);
-    (0..ring.len())
-        .map(|k| {
-            let (a, b) = (at(k), at(k + 1));
-            (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0])
-        })
-        .sum()
+    let before = |p: Vec2, q: Vec2| p[0] < q[0] || (p[0] == q[0] && p[1] < q[1]);
+    let lowest = (0..ring.len()).fold(0, |best, k| if before(at(k), at(best)) { k } else { best });
+    orientation(at(lowest + ring.len() - 1), at(lowest), at(lowest + 1)) > 0.0
 }
 
 type Rect = [f64; 4];
@@ -77,7 +91,8 @@ impl Boxes {
         Boxes { leaves, rects }
     }
 
-    fn any_meeting(&self, edges: &[[u32; 2]], uv: &[Vec2], work: &Work<'_>) -> Result<bool> {
+    /// Two edges that meet, the one of the lower number first.
+    fn first_meeting(&self, edges: &[[u32; 2]], uv: &[Vec2], work: &Work<'_>) -> Result<Option<[[u32; 2]; 2]>> {
         let mut stack = vec![(1usize, 1usize)];
         let mut visited = 0u32;
         while let Some((a, b)) = stack.pop() {
@@ -93,11 +108,11 @@ impl Boxes {
                 if a < self.leaves {
                     stack.extend([(2 * a, 2 * b), (2 * a, 2 * b + 1), (2 * a + 1, 2 * b), (2 * a + 1, 2 * b + 1)]);
                 } else if edges_meet(edges[a - self.leaves], edges[b - self.leaves], uv) {
-                    return Ok(true);
+                    return Ok(Some([edges[a - self.leaves], edges[b - self.leaves]]));
                 }
             }
         }
-        Ok(false)
+        Ok(None)
     }
 }
 
