@@ -20,7 +20,7 @@ pub(crate) struct Group {
 fn group_name(stage: &str) -> &str {
     match stage {
         "topology" | "search_tree" | "features" | "partition" | "patches" => "partition",
-        "factor" | "chart" => "charts",
+        "system" | "factor" | "boundary" | "solve" | "chart" => "charts",
         "size" | "curve" | "planar" | "lift" => "meshing",
         "assembly" | "optimize" => "optimisation",
         other => other,

@@ -92,8 +92,13 @@ fn pin_choices(patch: &Patch, outer: usize, wanted: &Pins) -> Result<(Vec<Vec<u3
         Pins::Inertia => vec![pair(inertia())],
         Pins::Automatic => {
             let far = farthest();
-            let mut choices = vec![pair(far), pair(inertia()), pair((far.0, pins::half_way(ring, &patch.positions, far.0)))];
-            choices.dedup_by(|a, b| a == b);
+            let mut choices: Vec<Vec<u32>> = Vec::new();
+            for (p, q) in [far, inertia(), (far.0, pins::half_way(ring, &patch.positions, far.0))] {
+                // The same pair twice would give the same map twice.
+                if !choices.iter().any(|c| c.contains(&p) && c.contains(&q)) {
+                    choices.push(pair((p, q)));
+                }
+            }
             choices
         }
         Pins::Given(given) => {
@@ -105,7 +110,8 @@ fn pin_choices(patch: &Patch, outer: usize, wanted: &Pins) -> Result<(Vec<Vec<u3
     Ok((choices, Vec::new()))
 }
 
-/// The map to try after those already solved; `None` if one is usable or nothing is left.
+/// The map to try after those already solved; `None` if one is usable or nothing is left. No two of `maps` have method, filling and pins
+/// in common, as those of [`candidate_maps`].
 pub fn next_map<'a>(maps: &'a [MapSpec], tried: &[impl std::ops::Deref<Target = SolvedMap>]) -> Option<&'a MapSpec> {
     if tried.last().is_some_and(|map| map.verdict == MapVerdict::Usable) {
         return None;

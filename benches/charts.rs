@@ -1,0 +1,187 @@
+//! What an edit of a chart costs next to the cold chart: other pins, moved targets, another boundary, another method, on the bunny in two
+//! patches. Prints milliseconds, ratios and which stages ran.
+//!
+//! `cargo bench --bench charts [-- FILE PATCHES]`: without a file, the bunny of `REMESH_DATA`, or a generated pelvis.
+
+use remesh_engine::engine::{Engine, EngineConfig};
+use remesh_engine::features::FeatureSpec;
+use remesh_engine::import::ImportOptions;
+use remesh_engine::parametrize::{Boundary, BoundaryShape, ChartMethod, ChartSpec, Pin, Pins};
+use remesh_engine::partition::PartitionSpec;
+use remesh_engine::pipeline::{self, Layout, Run};
+use remesh_engine::sample::{SampleKind, SampleSpec};
+use remesh_engine::session::{Blob, Change, MeshSource, Session};
+use remesh_engine::stage::{Outcome, Stage, StageRecord};
+use remesh_engine::work::CancelToken;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Instant, SystemTime};
+
+const REPEATS: usize = 5;
+
+struct Bench {
+    source: MeshSource,
+    patches: u32,
+    patch: u32,
+}
+
+/// Wall milliseconds of the stages that ran for a patch, besides what lies above its charts.
+fn chart_stages(records: &[StageRecord]) -> Vec<(Stage, f64)> {
+    let is_chart = |s: Stage| matches!(s, Stage::System | Stage::Factor | Stage::Boundary | Stage::Solve | Stage::Chart);
+    records.iter().filter(|r| r.outcome == Outcome::Run && is_chart(r.stage)).map(|r| (r.stage, r.milliseconds)).collect()
+}
+
+impl Bench {
+    fn open(&self) -> (Arc<Engine>, Arc<Session>) {
+        let engine = Engine::new(EngineConfig::default());
+        let session = engine.create_session(None, SystemTime::now()).expect("a session opens");
+        let partition = PartitionSpec { patches: Some(self.patches), max_patch_faces: 1 << 24, max_aspect_ratio: 1e6 };
+        let features = FeatureSpec { feature_angle_deg: None, ..FeatureSpec::default() };
+        let mesh = Change::Mesh { source: self.source.clone(), options: ImportOptions::default() };
+        session.apply(None, &[mesh, Change::Features(features), Change::Partition(partition)]).expect("the changes apply");
+        (engine, session)
+    }
+
+    fn layout(&self, engine: &Engine, session: &Session) -> Layout {
+        let cancel = CancelToken::new();
+        let run = Run { cancel: &cancel, events: &|_| {}, threads: 1 };
+        pipeline::layout(engine, &session.snapshot(), &run).expect("the surface has charts").value
+    }
+
+    /// Milliseconds and stages run of charts under the session's inputs.
+    fn charts(&self, engine: &Engine, session: &Session) -> (f64, Vec<(Stage, f64)>) {
+        let cancel = CancelToken::new();
+        let run = Run { cancel: &cancel, events: &|_| {}, threads: 1 };
+        let begin = Instant::now();
+        let answer = pipeline::charts(engine, &session.snapshot(), &run);
+        let milliseconds = begin.elapsed().as_secs_f64() * 1e3;
+        match answer {
+            Ok(answer) => (milliseconds, chart_stages(&answer.records)),
+            Err(error) => {
+                println!("    refused: {}", error.message());
+                (f64::NAN, Vec::new())
+            }
+        }
+    }
+
+    /// A session whose patch has the first spec; then each of the others in turn. Medians of several fresh sessions.
+    fn measure(&self, first: &ChartSpec, edits: &[(&str, ChartSpec)]) -> Vec<f64> {
+        let mut rows: Vec<Vec<f64>> = vec![Vec::new(); edits.len() + 1];
+        let mut ran: Vec<String> = vec![String::new(); edits.len() + 1];
+        for _ in 0..REPEATS {
+            let (engine, session) = self.open();
+            let layout = self.layout(&engine, &session);
+            let identity = layout.patches.identities[self.patch as usize];
+            // Only what belongs to the patches above the charts stays; factors of the default chart go with the engine.
+            let (engine, fresh) = self.open();
+            let cancel = CancelToken::new();
+            let run = Run { cancel: &cancel, events: &|_| {}, threads: 1 };
+            pipeline::partition(&engine, &fresh.snapshot(), &run).expect("the surface is partitioned");
+            for (k, spec) in std::iter::once(first).chain(edits.iter().map(|e| &e.1)).enumerate() {
+                fresh.apply(None, &[Change::PatchChart { patch: identity, spec: Some(spec.clone()) }]).expect("the change applies");
+                let (whole, stages) = self.charts(&engine, &fresh);
+                // The first computes the other patches, too: count the stages of this patch alone.
+                rows[k].push(if k == 0 { self.cold(&engine, &fresh, spec) } else { whole });
+                ran[k] = stages.iter().map(|(s, ms)| format!("{} {ms:.1}", s.name())).collect::<Vec<_>>().join(", ");
+            }
+        }
+        let medians: Vec<f64> = rows
+            .iter_mut()
+            .map(|row| {
+                row.sort_by(f64::total_cmp);
+                row[row.len() / 2]
+            })
+            .collect();
+        println!("  {:<34} {:>8.2} ms", "cold", medians[0]);
+        for (k, (name, _)) in edits.iter().enumerate() {
+            println!("  {name:<34} {:>8.2} ms   1/{:<5.1} [{}]", medians[k + 1], medians[0] / medians[k + 1], ran[k + 1]);
+        }
+        medians
+    }
+
+    /// The chart of the patch alone, nothing of it cached.
+    fn cold(&self, engine: &Engine, session: &Session, spec: &ChartSpec) -> f64 {
+        let layout = self.layout(engine, session);
+        let (patch, _, map) = &layout.patches.patches[self.patch as usize];
+        let local = spec.localised(map, &layout.surface.imported.mesh.positions).expect("the vertices are of the patch");
+        let cancel = CancelToken::new();
+        let begin = Instant::now();
+        let chart = remesh_engine::parametrize::parametrize_patch(patch, &local, &remesh_engine::work::Work::silent(&cancel));
+        let milliseconds = begin.elapsed().as_secs_f64() * 1e3;
+        if let Err(error) = chart {
+            println!("    refused: {}", error.message());
+        }
+        milliseconds
+    }
+}
+
+fn pins(a: u32, b: u32, targets: Option<[[f64; 2]; 2]>) -> ChartSpec {
+    let pin = |vertex, k: usize| Pin { vertex, target: targets.map(|t| t[k]) };
+    ChartSpec { pins: Pins::Given(vec![pin(a, 0), pin(b, 1)]), ..ChartSpec::only(ChartMethod::LeastSquaresConformal) }
+}
+
+fn shape(method: ChartMethod, shape: BoundaryShape, start: Option<u32>) -> ChartSpec {
+    ChartSpec { boundary: Boundary { shape, start, ..Boundary::default() }, ..ChartSpec::only(method) }
+}
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
+    let data = std::env::var_os("REMESH_DATA").map(|folder| PathBuf::from(folder).join("bunny.obj"));
+    let path = arguments.first().map(PathBuf::from).or(data);
+    let patches: u32 = arguments.get(1).and_then(|t| t.parse().ok()).unwrap_or(2);
+    let source = match &path {
+        Some(path) => MeshSource::File(Arc::new(Blob::new(std::fs::read(path).expect("the file is readable")))),
+        None => {
+            MeshSource::Sample(SampleSpec { kind: SampleKind::Pelvis, triangles: 70_000, genus: None, outlets: None, aspect_ratio: None })
+        }
+    };
+    let mut bench = Bench { source, patches, patch: 0 };
+    let (engine, session) = bench.open();
+    let layout = bench.layout(&engine, &session);
+    let largest = (0..layout.patches.patches.len()).max_by_key(|&p| layout.patches.patches[p].0.triangles.len()).unwrap_or(0);
+    bench.patch = largest as u32;
+    let (patch, _, map) = &layout.patches.patches[largest];
+    println!(
+        "{} patches; patch {largest}: {} vertices, {} faces, {} loops of {} vertices\n",
+        layout.patches.patches.len(),
+        patch.positions.len(),
+        patch.triangles.len(),
+        patch.loops.len(),
+        patch.loops.iter().map(Vec::len).sum::<usize>()
+    );
+    let ring: Vec<u32> = patch.loops[0].iter().map(|&v| map.vertices[v as usize]).collect();
+    let at = |share: f64| ring[(share * ring.len() as f64) as usize];
+    let inside = {
+        let on_loop: Vec<u32> = patch.loops.concat();
+        (0..patch.positions.len() as u32).filter(|v| !on_loop.contains(v)).nth(patch.positions.len() / 3).map(|v| map.vertices[v as usize])
+    };
+    let inside = inside.expect("the patch has inner vertices");
+    println!("least squares conformal, two pins");
+    let targets = [[0.0, 0.0], [10.0, 3.0]];
+    bench.measure(
+        &pins(at(0.0), at(0.5), Some(targets)),
+        &[
+            ("moved targets", pins(at(0.0), at(0.5), Some([[1.0, 2.0], [-4.0, 7.0]]))),
+            ("other pins on the boundary", pins(at(0.2), at(0.7), Some(targets))),
+            ("other pins, one inside", pins(at(0.2), inside, Some(targets))),
+            ("spectral conformal", ChartSpec::only(ChartMethod::SpectralConformal)),
+            ("harmonic on a circle", ChartSpec::only(ChartMethod::Harmonic)),
+        ],
+    );
+    for method in [ChartMethod::Harmonic, ChartMethod::Barycentric, ChartMethod::MeanValue] {
+        println!("\n{}, circle", method.name());
+        bench.measure(
+            &shape(method, BoundaryShape::Circle, None),
+            &[
+                ("square", shape(method, BoundaryShape::Rectangle { ratio: Some(1.0), corners: None }, None)),
+                ("circle, other starting vertex", shape(method, BoundaryShape::Circle, Some(at(0.3)))),
+                ("ellipse", shape(method, BoundaryShape::Ellipse { ratio: 2.0 }, None)),
+            ],
+        );
+    }
+    println!("\nspectral conformal");
+    bench.measure(
+        &ChartSpec::only(ChartMethod::SpectralConformal),
+        &[("least squares conformal", ChartSpec::only(ChartMethod::LeastSquaresConformal))],
+    );
+}
