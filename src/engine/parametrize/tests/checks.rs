@@ -108,7 +108,7 @@ fn a_deep_notch_is_held_open() {
 #[test]
 fn a_long_tube_must_be_split() {
     let tube = |length: f64| grid(16, (8.0 * length) as u32, true, 0.0, |u, v| [(TAU * u).cos(), -(TAU * u).sin(), length * v]);
-    for method in METHODS {
+    for method in [ChartMethod::SpectralConformal, ChartMethod::LeastSquaresConformal, ChartMethod::MeanValue] {
         assert_promises(&tube(3.0), &chart(&tube(3.0), ChartSpec::only(method)));
     }
     for spec in [ChartSpec::default(), ChartSpec::only(ChartMethod::SpectralConformal)] {
