@@ -263,7 +263,7 @@ fn examine(domain: &Domain<'_>, shapes: &FaceShapes, method: ChartMethod, mut uv
             return Ok(Trial::rejected(method, "the chart has no area"));
         }
         let before = validity::flipped_faces(&patch.triangles, &uv);
-        flipped = if before.is_empty() { before } else { mend::mend_flips(patch, &mut uv, work)? };
+        flipped = if before.is_empty() { before } else { mend::mend_flips(patch, &mut uv, work)?.flipped };
     }
     let overlaps = boundary_overlaps(&patch.loops, &uv, work)?;
     let mut attempt = ChartAttempt {

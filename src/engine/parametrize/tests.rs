@@ -8,7 +8,10 @@ use remesh_linalg::Complex;
 use std::f64::consts::TAU;
 
 mod checks;
+mod injective;
 mod maps;
+mod mends;
+mod reference;
 
 const METHODS: [ChartMethod; 3] = [ChartMethod::SpectralConformal, ChartMethod::LeastSquaresConformal, ChartMethod::MeanValue];
 
