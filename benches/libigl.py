@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
 """libigl's lscm and harmonic of one disc patch: cold times (user CPU and wall, median of five) and the charts, to compare ours with.
 
-Usage: python3 benches/libigl.py PATCH.off|PATCH.obj [--out PREFIX] [--ours CHART.obj --method lscm|harmonic]
+Usage: python3 benches/libigl.py PATCH.off|PATCH.obj [--out PREFIX] [--systems PREFIX]
+                                [--ours CHART.obj --method lscm|harmonic]
        python3 benches/libigl.py SURFACE.off --halves PREFIX      (cuts a surface into two connected parts, writes PREFIX-0.off, -1.off)
 
 Needs the PyPI packages numpy, scipy and libigl. Pins: the two boundary vertices farthest apart, at (0, 0) and (1, 0). Boundary of the
 harmonic map: igl.map_vertices_to_circle, from the first vertex of igl.boundary_loop. With --out the charts are written as
 PREFIX-lscm.obj and PREFIX-harmonic.obj (v and vt lines in vertex order) and the pins are printed. --ours reads such a file (vt in the
-order of v) and prints the largest deviation after a similarity, over the size of the chart.
+order of v) and prints the largest deviation after a similarity, over the size of the chart. --systems writes the matrices of both maps.
 """
 import os
 
@@ -108,11 +109,26 @@ def deviation(uv, wanted):
     return abs(np.vdot(x, y) / np.vdot(x, x) * x - y).max() / abs(y).max()
 
 
+def write_systems(prefix, positions, faces, loop, pins):
+    """The matrices of the two maps without the rows that are given, for benches/cholmod.c: one triangle, Matrix Market."""
+    from scipy.io import mmwrite
+    from scipy.sparse import block_diag, tril
+
+    n = len(positions)
+    laplace = -igl.cotmatrix(positions, faces)
+    area = igl.vector_area_matrix(faces)
+    conformal = block_diag([laplace, laplace]) - 2 * area
+    for name, matrix, given in (("lscm", conformal, np.r_[pins, pins + n]), ("harmonic", laplace, loop)):
+        free = np.setdiff1d(np.arange(matrix.shape[0]), given)
+        mmwrite(f"{prefix}-{name}.mtx", tril(matrix.tocsc()[free][:, free]).tocoo(), symmetry="symmetric", precision=17)
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("mesh")
     parser.add_argument("--halves")
     parser.add_argument("--out")
+    parser.add_argument("--systems")
     parser.add_argument("--ours")
     parser.add_argument("--method", choices=["lscm", "harmonic"], default="lscm")
     args = parser.parse_args()
@@ -127,6 +143,8 @@ def main():
     p, q = farthest(positions[loop])
     pins, targets = np.array([loop[p], loop[q]], np.int64), np.array([[0.0, 0.0], [1.0, 0.0]])
     circle = igl.map_vertices_to_circle(positions, loop)
+    if args.systems:
+        write_systems(args.systems, positions, faces, loop, pins)
     tasks = {
         "lscm": lambda: np.asarray(igl.lscm(positions, faces, pins, targets)[0]),
         "harmonic": lambda: igl.harmonic(positions, faces, loop, circle, 1),
