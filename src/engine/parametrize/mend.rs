@@ -192,10 +192,10 @@ impl Rings {
             let mut next = 0;
             while next < cavity.len() {
                 for w in self.corners(patch, self.faces(cavity[next])) {
-                    if let Ok(at) = free.binary_search(&w) {
-                        if !std::mem::replace(&mut seen[at], true) {
-                            cavity.push(w);
-                        }
+                    if let Ok(at) = free.binary_search(&w)
+                        && !std::mem::replace(&mut seen[at], true)
+                    {
+                        cavity.push(w);
                     }
                 }
                 next += 1;

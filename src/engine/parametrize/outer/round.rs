@@ -123,7 +123,7 @@ fn inscribed(lengths: &[f64]) -> Option<Vec<f64>> {
 const GAUSS: [(f64, f64); 3] = [
     (0.238_619_186_083_196_9, 0.467_913_934_572_691),
     (0.661_209_386_466_264_5, 0.360_761_573_048_138_6),
-    (0.932_469_514_203_152_1, 0.171_324_492_379_170_4),
+    (0.932_469_514_203_152, 0.171_324_492_379_170_4),
 ];
 
 /// Arc length of a quarter of an ellipse from the end of its larger axis, in panels on which the Gauss rule is exact to rounding:
