@@ -214,6 +214,12 @@ impl EngineError {
         self
     }
 
+    /// The same error with its locations changed: for ids that get other names.
+    pub fn map_locations(mut self, change: impl Fn(Location) -> Location) -> Self {
+        self.0.locations = std::mem::take(&mut self.0.locations).into_iter().map(change).collect();
+        self
+    }
+
     /// Adds a dynamic value under a stable key.
     pub fn with_metadata(mut self, key: &str, value: impl fmt::Display) -> Self {
         self.0.metadata.push((key.to_owned(), value.to_string()));

@@ -42,8 +42,11 @@ use crate::work::Work;
 /// # Errors
 /// Those of the steps; [`crate::error::Reason::ChartFailed`] if a named method gives no one-to-one map.
 pub fn parametrize_patch(patch: &Patch, spec: &ChartSpec, work: &Work<'_>) -> Result<ChartOutcome> {
+    parametrize_planned(patch, &plan_system(patch, work)?, spec, work)
+}
+
+fn parametrize_planned(patch: &Patch, system: &ChartSystem, spec: &ChartSpec, work: &Work<'_>) -> Result<ChartOutcome> {
     let maps = candidate_maps(patch, spec)?;
-    let system = plan_system(patch, work)?;
     let mut interiors: Vec<(Weights, Result<ChartFactor>)> = Vec::new();
     let mut boundaries: Vec<(ProblemSpec, Result<BoundaryFactor>)> = Vec::new();
     let mut tried: Vec<Box<SolvedMap>> = Vec::new();
@@ -52,7 +55,7 @@ pub fn parametrize_patch(patch: &Patch, spec: &ChartSpec, work: &Work<'_>) -> Re
         if let Some(weights) = problem.family.interior()
             && !interiors.iter().any(|f| f.0 == weights)
         {
-            interiors.push((weights, factor_system(patch, &system, weights, work)));
+            interiors.push((weights, factor_system(patch, system, weights, work)));
         }
         let interior = interiors.iter().find(|f| Some(f.0) == problem.family.interior()).map(|f| f.1.as_ref());
         let interior = interior.transpose().map_err(Clone::clone);

@@ -53,7 +53,7 @@ fn outer_loop(patch: &Patch, outer: OuterLoop) -> Result<usize> {
         OuterLoop::Through(v) => {
             check_vertex(patch, v, "outer_vertex")?;
             patch.loops.iter().position(|ring| ring.contains(&v)).ok_or_else(|| {
-                EngineError::bad_parameter("outer_vertex", format!("vertex {v} is on no boundary loop of the patch"))
+                EngineError::bad_parameter("outer_vertex", "the vertex is on no boundary loop of the patch")
                     .with_locations([vertex_location(patch, v)])
             })
         }

@@ -20,8 +20,8 @@ const MIN_AREA: f64 = 1e-14;
 /// Least area of a shadow over the squared length of the loop (a circle has 0.08): a loop on edge has no inside worth meshing.
 const MIN_SHADOW: f64 = 0.004;
 
-/// New vertices between two checkpoints.
-const SLICE: usize = 4096;
+/// Least number of new vertices between two checkpoints. In a large mesh it is an eighth of the vertices: each slice looks at all.
+const SLICE: usize = 8192;
 
 /// A mesh of the inside of a loop.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,7 +36,7 @@ pub(super) struct HoleMesh {
 /// Meshes the inside of the loop `ring` (vertices of a patch, which lies on its left). The mesh is a disc whose boundary is the loop;
 /// projected onto the plane its triangles do not overlap. Inside, the mesh grades from the lengths of the edges of the loop upwards:
 /// about 1.5 new vertices per edge of a round loop, at most 10 per edge and 100. The plane is that of the least squared distances or, if
-/// the loop crosses itself there, that of its largest shadow, if that is large enough. O(m log m), about 5 microseconds per edge.
+/// the loop crosses itself there, that of its largest shadow, if that is large enough. O(m log m), about 10 microseconds per edge.
 ///
 /// # Errors
 /// [`Reason::ChartFailed`] if neither projection is a simple polygon, with two edges that meet (local ids and positions as given);
@@ -110,7 +110,7 @@ fn refine(cdt: &mut Cdt, edges: usize, work: &Work<'_>) -> Result<()> {
     let most = cdt.num_vertices() + 10 * edges + 100;
     loop {
         work.check()?;
-        let room = SLICE.min(most.saturating_sub(cdt.num_vertices()));
+        let room = SLICE.max(cdt.num_vertices() / 8).min(most.saturating_sub(cdt.num_vertices()));
         let parameters = RefinementParameters::<f64>::new()
             .exclude_outer_faces(true)
             .keep_constraint_edges()

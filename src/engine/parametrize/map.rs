@@ -268,12 +268,7 @@ fn examine(patch: &Patch, shapes: &FaceShapes, map: &MapSpec, mut uv: Vec<Vec2>,
         if flipped.is_empty() {
             break;
         }
-        let before: Vec<Vec2> = held.iter().map(|&v| uv[v as usize]).collect();
-        flipped = mend::mend_flips(patch, &mut uv, work)?;
-        if held.iter().zip(&before).any(|(&v, &p)| uv[v as usize] != p) {
-            held.iter().zip(before).for_each(|(&v, p)| uv[v as usize] = p);
-            flipped = validity::flipped_faces(&patch.triangles, &uv);
-        }
+        flipped = mend::mend_flips(patch, held, &mut uv, work)?.flipped;
     }
     attempt.flipped = flipped.len() as u32;
     let overlap = find_overlap(&patch.loops, &uv, work)?;

@@ -1,4 +1,7 @@
 //! Local repair of a few flipped faces: the interior cavity check and the boundary check of P1 section 5.
+//!
+//! A move is only made if it turns no face that was right and sets at least one right that was flipped, with exact signs, so flips never
+//! grow. A boundary vertex that moves can make the boundary run into itself: the check for overlaps belongs after the repair.
 
 use super::validity::{flipped_faces, orientation};
 use crate::error::Result;
@@ -8,30 +11,58 @@ use crate::work::Work;
 
 const MAX_ROUNDS: usize = 12;
 
-/// Moves vertices of flipped faces to where all their faces are counter-clockwise, round after round. Returns the flipped faces
-/// that remain. O(faces) plus the flipped neighbourhoods.
-pub(super) fn mend_flips(patch: &Patch, uv: &mut [Vec2], work: &Work<'_>) -> Result<Vec<u32>> {
+/// How far cavities grow around flipped faces that no single vertex can set right, in rings of vertices.
+const CAVITY_RINGS: [usize; 3] = [0, 1, 3];
+
+/// Largest cavity, in vertices.
+const MAX_CAVITY: usize = 4096;
+
+/// What a repair did.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Mended {
+    /// Faces that are still flipped, increasing: a part of those that were.
+    pub(super) flipped: Vec<u32>,
+    /// Vertices that are not where they were, increasing.
+    pub(super) moved: Vec<u32>,
+}
+
+/// Moves vertices of flipped faces to where more of their faces are counter-clockwise: one by one, round after round, then whole
+/// cavities to the averages of their neighbours. Vertices in `held` stay. No face that was counter-clockwise is flipped. Nothing is done where more than 8 faces
+/// and 2 % are flipped: such a map failed. O(faces) plus the flipped neighbourhoods.
+///
+/// # Errors
+/// Cancellation.
+pub(super) fn mend_flips(patch: &Patch, held: &[u32], uv: &mut [Vec2], work: &Work<'_>) -> Result<Mended> {
     let mut flipped = flipped_faces(&patch.triangles, uv);
-    // A failed map has many; moving vertices one by one would not save it.
     if flipped.is_empty() || flipped.len() > 8 + patch.triangles.len() / 50 {
-        return Ok(flipped);
+        return Ok(Mended { flipped, moved: Vec::new() });
     }
-    let rings = Rings::of(patch);
+    let rings = Rings::of(patch, held);
+    let mut changed = Vec::new();
+    let mut cavities = CAVITY_RINGS.into_iter();
     for _ in 0..MAX_ROUNDS {
         work.check()?;
-        let mut vertices: Vec<u32> = flipped.iter().flat_map(|&f| patch.triangles[f as usize]).collect();
-        vertices.sort_unstable();
-        vertices.dedup();
-        let mut moved = false;
-        for v in vertices {
-            moved |= rings.improve(patch, v, uv);
+        let before = changed.len();
+        let vertices = rings.worst_first(patch, &flipped);
+        changed.extend(vertices.into_iter().filter(|&v| rings.improve(patch, v, uv)));
+        if changed.len() == before {
+            let Some(grow) = cavities.next() else { break };
+            changed.extend(rings.relax(patch, &flipped, grow, uv, work)?);
         }
-        flipped = flipped_faces(&patch.triangles, uv);
-        if flipped.is_empty() || !moved {
+        // Only faces of the list can be flipped, as no others ever become so.
+        flipped.retain(|&f| is_flipped(patch, f, uv));
+        if flipped.is_empty() {
             break;
         }
     }
-    Ok(flipped)
+    changed.sort_unstable();
+    changed.dedup();
+    Ok(Mended { flipped, moved: changed })
+}
+
+fn is_flipped(patch: &Patch, face: u32, uv: &[Vec2]) -> bool {
+    let [a, b, c] = patch.triangles[face as usize].map(|v| uv[v as usize]);
+    orientation(a, b, c) <= 0.0
 }
 
 /// Faces around each vertex, and the neighbours of boundary vertices along their loop.
@@ -39,10 +70,12 @@ struct Rings {
     start: Vec<u32>,
     faces: Vec<u32>,
     beside: Vec<Option<(u32, u32)>>,
+    /// Vertices that stay where they are.
+    held: Vec<bool>,
 }
 
 impl Rings {
-    fn of(patch: &Patch) -> Rings {
+    fn of(patch: &Patch, held: &[u32]) -> Rings {
         let mut start = vec![0u32; patch.positions.len() + 1];
         patch.triangles.iter().flatten().for_each(|&v| start[v as usize + 1] += 1);
         for v in 0..patch.positions.len() {
@@ -61,30 +94,59 @@ impl Rings {
             let n = ring.len();
             (0..n).for_each(|k| beside[ring[k] as usize] = Some((ring[(k + n - 1) % n], ring[(k + 1) % n])));
         }
-        Rings { start, faces, beside }
+        let mut stays = vec![false; patch.positions.len()];
+        held.iter().for_each(|&v| stays[v as usize] = true);
+        Rings { start, faces, beside, held: stays }
+    }
+
+    fn faces(&self, v: u32) -> &[u32] {
+        &self.faces[self.start[v as usize] as usize..self.start[v as usize + 1] as usize]
+    }
+
+    /// Vertices of some faces, increasing.
+    fn corners(&self, patch: &Patch, faces: &[u32]) -> Vec<u32> {
+        let mut vertices: Vec<u32> = faces.iter().flat_map(|&f| patch.triangles[f as usize]).collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        vertices
+    }
+
+    /// Vertices of the flipped faces by the share of flipped ones among their faces: the vertex that is out of place has the most, and
+    /// the tip of an ear has no other.
+    fn worst_first(&self, patch: &Patch, flipped: &[u32]) -> Vec<u32> {
+        let mut vertices = self.corners(patch, flipped);
+        let bad = |v: u32| self.faces(v).iter().filter(|f| flipped.binary_search(f).is_ok()).count();
+        let share = |v: u32| bad(v) as f64 / self.faces(v).len() as f64;
+        vertices.sort_by(|&a, &b| share(b).total_cmp(&share(a)));
+        vertices
     }
 
     /// The edges opposite to `v` in its faces, as points.
     fn opposite_edges(&self, patch: &Patch, v: u32, uv: &[Vec2]) -> Vec<[Vec2; 2]> {
-        let range = self.start[v as usize] as usize..self.start[v as usize + 1] as usize;
         let edge = |&f: &u32| {
             let t = patch.triangles[f as usize];
             let k = t.iter().position(|&w| w == v).unwrap_or(0);
             [uv[t[(k + 1) % 3] as usize], uv[t[(k + 2) % 3] as usize]]
         };
-        self.faces[range].iter().map(edge).collect()
+        self.faces(v).iter().map(edge).collect()
     }
 
-    /// Moves `v` if fewer of its faces are flipped then. Returns whether it moved.
+    /// Moves `v` if fewer of its faces are flipped then, and none that was not. Returns whether it moved.
     fn improve(&self, patch: &Patch, v: u32, uv: &mut [Vec2]) -> bool {
+        if self.held[v as usize] {
+            return false;
+        }
         let edges = self.opposite_edges(patch, v, uv);
-        let bad = |p: Vec2| edges.iter().filter(|e| orientation(p, e[0], e[1]) <= 0.0).count();
-        let now = bad(uv[v as usize]);
+        let at = uv[v as usize];
+        let bad = |p: Vec2, e: &[Vec2; 2]| orientation(p, e[0], e[1]) <= 0.0;
+        let count = |p: Vec2| edges.iter().filter(|e| bad(p, e)).count();
+        let now = count(at);
         if now == 0 {
             return false;
         }
+        let spares = |p: &Vec2| edges.iter().all(|e| bad(at, e) || !bad(*p, e));
         let sides = self.beside[v as usize].map(|(a, b)| (uv[a as usize], uv[b as usize]));
-        let best = candidates(uv[v as usize], sides, &edges).into_iter().map(|p| (bad(p), p)).min_by_key(|c| c.0);
+        let best = candidates(at, sides, &edges).into_iter().filter(spares).map(|p| (count(p), p)).min_by_key(|c| c.0);
         match best {
             Some((count, p)) if count < now => {
                 uv[v as usize] = p;
@@ -93,6 +155,70 @@ impl Rings {
             _ => false,
         }
     }
+
+    /// Moves the inner vertices around flipped faces, a cavity at a time, to the averages of their neighbours (the barycentric map of
+    /// P1 eq. 12 onto the cavity as it lies), and keeps the cavities that have fewer flipped faces then, and none that was not flipped.
+    /// Returns the vertices that moved.
+    fn relax(&self, patch: &Patch, flipped: &[u32], grow: usize, uv: &mut [Vec2], work: &Work<'_>) -> Result<Vec<u32>> {
+        let mut moved = Vec::new();
+        for cavity in self.cavities(patch, flipped, grow) {
+            work.check()?;
+            let mut faces: Vec<u32> = cavity.iter().flat_map(|&v| self.faces(v)).copied().collect();
+            faces.sort_unstable();
+            faces.dedup();
+            let was: Vec<bool> = faces.iter().map(|&f| is_flipped(patch, f, uv)).collect();
+            let places: Vec<Vec2> = cavity.iter().map(|&v| uv[v as usize]).collect();
+            for _ in 0..20 + 4 * cavity.len().isqrt() {
+                cavity.iter().for_each(|&v| uv[v as usize] = average(&self.opposite_edges(patch, v, uv)));
+            }
+            let is: Vec<bool> = faces.iter().map(|&f| is_flipped(patch, f, uv)).collect();
+            if is != was && is.iter().zip(&was).all(|(is, was)| *was || !is) {
+                moved.extend(cavity);
+            } else {
+                cavity.iter().zip(places).for_each(|(&v, p)| uv[v as usize] = p);
+            }
+        }
+        Ok(moved)
+    }
+
+    /// Connected sets of inner vertices within so many rings of the vertices of flipped faces, each increasing, those of moderate size.
+    fn cavities(&self, patch: &Patch, flipped: &[u32], grow: usize) -> Vec<Vec<u32>> {
+        let mut free = self.corners(patch, flipped);
+        for _ in 0..grow {
+            let faces: Vec<u32> = free.iter().flat_map(|&v| self.faces(v)).copied().collect();
+            free = self.corners(patch, &faces);
+        }
+        free.retain(|&v| self.beside[v as usize].is_none() && !self.held[v as usize]);
+        let mut seen = vec![false; free.len()];
+        let mut out = Vec::new();
+        for k in 0..free.len() {
+            if std::mem::replace(&mut seen[k], true) {
+                continue;
+            }
+            let mut cavity = vec![free[k]];
+            let mut next = 0;
+            while next < cavity.len() {
+                for w in self.corners(patch, self.faces(cavity[next])) {
+                    if let Ok(at) = free.binary_search(&w)
+                        && !std::mem::replace(&mut seen[at], true)
+                    {
+                        cavity.push(w);
+                    }
+                }
+                next += 1;
+            }
+            cavity.sort_unstable();
+            out.push(cavity);
+        }
+        out.retain(|cavity| cavity.len() <= MAX_CAVITY);
+        out
+    }
+}
+
+/// Average of the neighbours of an inner vertex, given by the edges around it.
+fn average(edges: &[[Vec2; 2]]) -> Vec2 {
+    let count = edges.len() as f64;
+    edges.iter().fold([0.0; 2], |s, e| [s[0] + e[0][0] / count, s[1] + e[0][1] / count])
 }
 
 /// Places to try, the least change first.
@@ -105,8 +231,7 @@ fn candidates(at: Vec2, sides: Option<(Vec2, Vec2)>, edges: &[[Vec2; 2]]) -> Vec
         let foot = [a[0] + t * d[0], a[1] + t * d[1]];
         places.extend([0.1, 0.5, 1.0, 2.0].map(|s| [foot[0] + s * (foot[0] - at[0]), foot[1] + s * (foot[1] - at[1])]));
     }
-    let count = edges.len() as f64;
-    places.push(edges.iter().fold([0.0; 2], |s, e| [s[0] + e[0][0] / count, s[1] + e[0][1] / count]));
+    places.push(average(edges));
     places.extend(kernel_centre(edges));
     places
 }

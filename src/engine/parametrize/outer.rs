@@ -112,7 +112,7 @@ impl Loop<'_> {
         let place = |&v: &u32| {
             let at = sorted.partition_point(|e| e.0 < v);
             sorted.get(at).filter(|e| e.0 == v).map(|e| e.1).ok_or_else(|| {
-                EngineError::bad_parameter(field, format!("vertex {v} is not on the outer loop"))
+                EngineError::bad_parameter(field, "the vertex is not on the outer loop")
                     .with_hint("name a vertex of the outer loop, or choose the loop through the vertex as the outer one")
                     .with_locations(self.location(v))
             })
@@ -133,7 +133,7 @@ impl Loop<'_> {
             None => Ok(places),
             Some(k) => Err(EngineError::bad_parameter(
                 "boundary.corners",
-                format!("corner vertex {} does not follow {} in the direction of the outer loop", corners[k], corners[k - 1]),
+                format!("corner {k} does not follow the one before in the direction of the outer loop"),
             )
             .with_hint("name the corners in the direction of the loop, which has the patch on its left, each once")
             .with_locations([corners[k - 1], corners[k]].into_iter().filter_map(|v| self.location(v)))),

@@ -276,7 +276,7 @@ pub const MAX_CORNERS: usize = 1024;
 impl Boundary {
     fn validate(&self) -> Result<()> {
         let positive = |ratio: f64| {
-            if ratio >= 1e-3 && ratio <= 1e3 {
+            if (1e-3..=1e3).contains(&ratio) {
                 Ok(())
             } else {
                 Err(EngineError::bad_parameter("boundary.ratio", format!("the ratio must be between 0.001 and 1000, it is {ratio}")))
@@ -338,5 +338,5 @@ pub(super) fn check_vertex(patch: &Patch, vertex: u32, field: &str) -> Result<()
     if (vertex as usize) < patch.positions.len() {
         return Ok(());
     }
-    Err(EngineError::bad_parameter(field, format!("vertex {vertex} is not in the patch, which has {}", patch.positions.len())))
+    Err(EngineError::bad_parameter(field, format!("a vertex is not among the {} of the patch", patch.positions.len())))
 }

@@ -2,7 +2,7 @@
 
 use super::domain::Domain;
 use super::system::{Form, plan_as};
-use super::validity::{self, boundary_overlaps};
+use super::validity::{self, find_overlap};
 use super::*;
 use crate::error::Reason;
 use crate::topology::Topology;
@@ -12,7 +12,11 @@ use remesh_linalg::Complex;
 use std::f64::consts::TAU;
 
 mod checks;
+mod conditions;
+mod injective;
 mod maps;
+mod mends;
+mod reference;
 
 const METHODS: [ChartMethod; 5] = ChartMethod::ALL;
 const FREE: [ChartMethod; 2] = [ChartMethod::SpectralConformal, ChartMethod::LeastSquaresConformal];

@@ -35,12 +35,6 @@ pub(super) enum Overlap {
     Winding(usize),
 }
 
-/// Whether boundary edges cross, touch or fold onto one another, or the loops wind around a place more than once. See
-/// [`find_overlap`].
-pub(super) fn boundary_overlaps(loops: &[Vec<u32>], uv: &[Vec2], work: &Work<'_>) -> Result<bool> {
-    Ok(find_overlap(loops, uv, work)?.is_some())
-}
-
 /// The first place found where boundary edges cross, touch or fold onto one another (always the same one), or that the loops wind
 /// around a place more than once. Exact but for underflow, which can only be taken for an overlap. O(m log m) for m boundary edges
 /// that do not crowd.

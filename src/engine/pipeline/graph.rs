@@ -7,7 +7,7 @@ use super::{Charts, Layout, Remesh, Surface};
 use crate::assemble::{Assembled, assemble};
 use crate::bvh::TriangleBvh;
 use crate::curve::{CurveMesh, CurvePolyline, PatchCurve, curve_polyline, mesh_curve, patch_curves, trace_curves};
-use crate::error::{EngineError, Reason, Result};
+use crate::error::{Element, EngineError, Location, Reason, Result};
 use crate::features::{Features, detect_features};
 use crate::fingerprint::{Contents, Feeder, Fingerprint};
 use crate::import::{ImportOptions, Imported, import_arrays, import_mesh};
@@ -188,8 +188,9 @@ pub(super) fn preview_step(
     p: usize,
     spec: &ChartSpec,
 ) -> Step<(Result<Stored<ChartOutcome>>, Vec<Stored<SolvedMap>>)> {
-    let spec = spec.localised(&layout.patches.patches[p].2, &layout.surface.imported.mesh.positions)?;
-    let tried = tried_maps(context, &spec, &layout.patches, p)?;
+    let map = &layout.patches.patches[p].2;
+    let spec = spec.localised(map, &layout.surface.imported.mesh.positions)?;
+    let tried = tried_maps(context, &spec, &layout.patches, p).map_err(|halt| on_surface(halt, map))?;
     let chart = match chart_step(context, &spec, &layout.patches, p) {
         Ok(chart) => Ok(chart),
         Err(Halt::Error(error)) if error.reason() == Reason::ChartFailed => Err(error),
@@ -198,17 +199,30 @@ pub(super) fn preview_step(
     Ok((chart, tried))
 }
 
+/// `spec` has local vertices; errors name elements of the surface.
 fn chart_step(context: &Context<'_>, spec: &ChartSpec, patches: &PatchSet, p: usize) -> Step<Stored<ChartOutcome>> {
-    let (patch, fingerprint, _) = &patches.patches[p];
+    let (patch, fingerprint, map) = &patches.patches[p];
     let key = StageKey::new(Stage::Chart, |f| {
         f.fingerprint(*fingerprint).text(&format!("{spec:?}"));
     });
     let tried = || tried_maps(context, spec, patches, p);
-    context.staged(key, Subject::Patch(p as u32), tried, |tried, _| conclude(patch, spec, &tried))
+    context.staged(key, Subject::Patch(p as u32), tried, |tried, _| conclude(patch, spec, &tried)).map_err(|halt| on_surface(halt, map))
+}
+
+/// The same halt with elements of the surface in place of those of a patch.
+fn on_surface(halt: Halt, map: &PatchMap) -> Halt {
+    let name = |table: &[u32], id: u32| table.get(id as usize).copied().unwrap_or(id);
+    match halt {
+        Halt::Error(error) => Halt::Error(error.map_locations(|location| {
+            let table = if location.element == Element::Face { &map.faces } else { &map.vertices };
+            Location { ids: location.ids.iter().map(|&id| name(table, id)).collect(), ..location }
+        })),
+        Halt::Unknown => Halt::Unknown,
+    }
 }
 
 /// The maps of a patch up to the first that can be used.
-pub(super) fn tried_maps(context: &Context<'_>, spec: &ChartSpec, patches: &PatchSet, p: usize) -> Step<Vec<Stored<SolvedMap>>> {
+fn tried_maps(context: &Context<'_>, spec: &ChartSpec, patches: &PatchSet, p: usize) -> Step<Vec<Stored<SolvedMap>>> {
     let maps = candidate_maps(&patches.patches[p].0, spec)?;
     let mut tried = Vec::new();
     while let Some(map) = next_map(&maps, &tried) {

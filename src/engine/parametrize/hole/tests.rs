@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::topology::Topology;
-use crate::vector::{add_scaled, area_vector_twice, distance, dot, norm, triangle_area};
+use crate::vector::{add_scaled, area_vector_twice, distance, dot, norm};
 use crate::work::CancelToken;
 use std::f64::consts::TAU;
 
@@ -16,7 +16,7 @@ fn curve(m: u32, at: impl Fn(f64) -> Vec3) -> (Vec<u32>, Vec<Vec3>) {
 }
 
 /// All promises of a filling, checked with the topology of the engine.
-fn assert_fills(ring: &[u32], positions: &[Vec3], mesh: &HoleMesh) {
+fn assert_fills(ring: &[u32], mesh: &HoleMesh) {
     let m = ring.len();
     let count = m + mesh.positions.len();
     let topology = Topology::build(&mesh.triangles, count).unwrap();
@@ -29,7 +29,6 @@ fn assert_fills(ring: &[u32], positions: &[Vec3], mesh: &HoleMesh) {
     used.sort_unstable();
     used.dedup();
     assert_eq!(used.len(), count);
-    let _ = positions;
 }
 
 fn points(ring: &[u32], positions: &[Vec3], mesh: &HoleMesh) -> Vec<Vec3> {
@@ -44,7 +43,7 @@ fn flat_and_wavy_loops_of_any_size_and_pose_are_filled() {
             add_scaled([7.0 * size, 0.0, size], [p[0] * 0.6 - p[2] * 0.8, p[1], p[0] * 0.8 + p[2] * 0.6], size)
         });
         let mesh = fill(&ring, &positions).unwrap();
-        assert_fills(&ring, &positions, &mesh);
+        assert_fills(&ring, &mesh);
         assert!(mesh.positions.len() <= 3 * m as usize + 10, "{m}: {}", mesh.positions.len());
         // New vertices lie in the mean plane, which by symmetry goes through the centre with the normal of the flat curve.
         for p in &mesh.positions {
@@ -52,16 +51,6 @@ fn flat_and_wavy_loops_of_any_size_and_pose_are_filled() {
             if m % 3 == 0 || wave == 0.0 {
                 assert!(dot(d, [-0.8, 0.0, 0.6]).abs() < 0.08 * size, "{m} {}", dot(d, [-0.8, 0.0, 0.6]) / size);
             }
-        }
-        if wave == 0.0 {
-            let area: f64 = mesh
-                .triangles
-                .iter()
-                .map(|t| t.map(|v| points(&ring, &positions, &mesh)[v as usize]))
-                .take(400)
-                .map(|[a, b, c]| triangle_area(a, b, c))
-                .sum();
-            assert!(area > 0.0);
         }
     }
 }
@@ -72,7 +61,7 @@ fn areas_angles_and_grading_of_a_flat_filling() {
     let m = 400;
     let (ring, positions) = curve(m, |t| [3.0 * (t + 0.8 * t.sin()).cos(), 2.0 * (t + 0.8 * t.sin()).sin(), 1.0]);
     let mesh = fill(&ring, &positions).unwrap();
-    assert_fills(&ring, &positions, &mesh);
+    assert_fills(&ring, &mesh);
     let all = points(&ring, &positions, &mesh);
     let at = |t: &[u32; 3]| t.map(|v| all[v as usize]);
     let filled: f64 = mesh.triangles.iter().map(at).map(|[a, b, c]| area_vector_twice(a, b, c)[2]).sum();
@@ -116,7 +105,7 @@ fn loops_with_notches_straight_runs_and_tiny_edges_are_filled() {
     for positions in [comb, star, square, tiny] {
         let ring: Vec<u32> = (0..positions.len() as u32).collect();
         let mesh = fill(&ring, &positions).unwrap();
-        assert_fills(&ring, &positions, &mesh);
+        assert_fills(&ring, &mesh);
         assert!(mesh.positions.len() <= 10 * ring.len() + 100);
     }
 }
@@ -143,7 +132,7 @@ fn a_second_plane_is_tried() {
     // A saddle so high that the plane of least squares stands upright, where it crosses itself; from above it is a square.
     let (ring, positions) = curve(60, |t| [t.cos(), t.sin(), 2.0 * (2.0 * t).cos()]);
     let mesh = fill(&ring, &positions).unwrap();
-    assert_fills(&ring, &positions, &mesh);
+    assert_fills(&ring, &mesh);
 }
 
 #[test]

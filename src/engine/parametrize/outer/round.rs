@@ -123,7 +123,7 @@ fn inscribed(lengths: &[f64]) -> Option<Vec<f64>> {
 const GAUSS: [(f64, f64); 3] = [
     (0.238_619_186_083_196_9, 0.467_913_934_572_691),
     (0.661_209_386_466_264_5, 0.360_761_573_048_138_6),
-    (0.932_469_514_203_152_1, 0.171_324_492_379_170_4),
+    (0.932_469_514_203_152, 0.171_324_492_379_170_4),
 ];
 
 /// Arc length of a quarter of an ellipse from the end of its larger axis, in panels on which the Gauss rule is exact to rounding:
@@ -154,14 +154,17 @@ impl Quarter {
         self.ends.last().map_or(0.0, |e| e.1)
     }
 
-    fn speed(&self, t: f64) -> f64 {
+    /// Speed and its derivative.
+    fn speed(&self, t: f64) -> (f64, f64) {
         let (sin, cos) = t.sin_cos();
-        (self.a * sin).hypot(self.b * cos)
+        let (x, y) = (self.a * sin, self.b * cos);
+        let speed = (x * x + y * y).sqrt();
+        (speed, (self.a * self.a - self.b * self.b) * sin * cos / speed)
     }
 
     fn integral(&self, from: f64, to: f64) -> f64 {
         let (middle, half) = (0.5 * (from + to), 0.5 * (to - from));
-        half * GAUSS.iter().map(|(x, w)| w * (self.speed(middle - half * x) + self.speed(middle + half * x))).sum::<f64>()
+        half * GAUSS.iter().map(|(x, w)| w * (self.speed(middle - half * x).0 + self.speed(middle + half * x).0)).sum::<f64>()
     }
 
     /// The parameter at an arc length from 0 to four quarters.
@@ -178,10 +181,12 @@ impl Quarter {
         let wanted = (s - s0).clamp(0.0, s1 - s0);
         let mut t = t0 + (t1 - t0) * wanted / (s1 - s0);
         for _ in 0..8 {
-            let step = (self.integral(t0, t) - wanted) / self.speed(t);
+            let (speed, bend) = self.speed(t);
+            let newton = (self.integral(t0, t) - wanted) / speed;
+            // Halley's step: its error is of the third order.
+            let step = newton / (1.0 - 0.5 * newton * bend / speed);
             t = (t - step).clamp(t0, t1);
-            // The error after a step is about its square over the width of the panel.
-            if step.abs() <= 1e-9 * (t1 - t0) {
+            if step.abs() <= 1e-5 * (t1 - t0) {
                 break;
             }
         }
@@ -201,40 +206,30 @@ impl Chords<'_> {
     fn solve(&self) -> Option<Vec<f64>> {
         let total: f64 = self.lengths.iter().sum();
         let larger = self.a.max(self.b);
-        // Chords no shorter than the arcs would be reach around at least once.
-        let (mut low, mut high) = ((0.0, -TAU), (4.0 * Quarter::new(larger, self.a.min(self.b)).length() / total, None));
-        let mut scale = high.0;
-        let mut side = 0;
-        for turn in 0..120 {
-            let end = self.march(scale, &mut |_| {});
-            let excess = end.map(|t| t - TAU);
+        // Chords as long as the arcs would be reach around at least once.
+        let (mut low, mut high) = (0.0, 4.0 * Quarter::new(larger, self.a.min(self.b)).length() / total);
+        let (mut scale, mut last) = (high, None);
+        for turn in 0..90 {
+            let excess = self.march(scale, &mut |_| {}).map(|end| end - TAU);
             if excess.is_some_and(|e| e.abs() <= 1e-13) {
                 break;
             }
-            // Illinois: an end that is kept twice counts half.
-            match excess {
-                Some(e) if e < 0.0 => {
-                    low = (scale, e);
-                    if side == -1 {
-                        high.1 = high.1.map(|e: f64| 0.5 * e);
-                    }
-                    side = -1;
-                }
-                _ => {
-                    high = (scale, excess);
-                    if side == 1 {
-                        low.1 *= 0.5;
-                    }
-                    side = 1;
-                }
+            if excess.is_some_and(|e| e < 0.0) {
+                low = scale
+            } else {
+                high = scale
             }
-            if high.0 - low.0 <= 4e-16 * high.0 {
+            if high - low <= 1e-15 * high {
                 break;
             }
-            scale = match high.1 {
-                Some(e) if turn < 60 => low.0 + (high.0 - low.0) * (-low.1 / (e - low.1)).clamp(0.0, 1.0),
-                _ => 0.5 * (low.0 + high.0),
+            // The secant through the last two ends; at first the line through 0.
+            let next = match (excess, last) {
+                (Some(e), Some((s, f))) if turn < 12 => scale - e * (scale - s) / (e - f),
+                (Some(e), None) => scale * TAU / (e + TAU),
+                _ => f64::NAN,
             };
+            last = excess.map(|e| (scale, e));
+            scale = if next > low && next < high { next } else { 0.5 * (low + high) };
         }
         let mut steps = Vec::with_capacity(self.lengths.len());
         let end = self.march(scale, &mut |step| steps.push(step))?;

@@ -29,7 +29,7 @@ fn an_elongated_patch_is_pinned_at_its_ends() {
 fn a_thin_spike_moves_the_farthest_pins_and_not_those_of_the_inertia() {
     // A long thin needle at one side of a wide rectangle: no mass, so the axis stays that of the rectangle.
     let positions =
-        vec![[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 1.0, 0.0], [2.01, 1.0, 0.0], [2.0, 9.0, 0.0], [1.99, 1.0, 0.0], [0.0, 1.0, 0.0]];
+        [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 1.0, 0.0], [2.01, 1.0, 0.0], [2.0, 9.0, 0.0], [1.99, 1.0, 0.0], [0.0, 1.0, 0.0]];
     let triangles = [[0, 1, 3], [1, 2, 3], [3, 4, 5], [0, 3, 5], [0, 5, 6]];
     let ring: Vec<u32> = (0..7).collect();
     let (p, q) = farthest(&ring, &positions);
