@@ -5,6 +5,7 @@ mod assembly;
 mod conformal;
 mod domain;
 mod ears;
+mod faces;
 mod mean_value;
 mod mend;
 mod outcome;
@@ -12,6 +13,7 @@ mod place;
 mod spec;
 mod validity;
 
+pub use faces::face_distortion;
 pub use outcome::{Chart, ChartAttempt, ChartOutcome, Distortion, FaceDistortion, Filling, HoleFilling, Spread};
 pub use spec::{Boundary, BoundaryShape, ChartMethod, ChartSpec, Holes, MAX_CORNERS, MAX_PINS, OuterLoop, Pin, Pins, Spacing};
 
