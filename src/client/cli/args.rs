@@ -1,13 +1,16 @@
 //! The command line of `remesh`, as clap sees it.
 
+mod chart;
 mod values;
 
+pub(crate) use chart::{ChartAllArgs, ChartArgs, ChartOutput, ChartSpecArgs, ChartVerb, PatchOf};
+pub(crate) use values::{BoundaryCurve, HoleChoice, OuterLoop, PinChoice, SpacingChoice, names_session, session_name};
 pub(crate) use values::{ChartMethod, ColourBy, Encoding, FeatureAngle, ObjRegions, ReadFormat, SampleName, Unit, Up};
 
 use clap::{ArgAction, Args, Parser, Subcommand};
 use std::path::PathBuf;
 use std::time::Duration;
-use values::{duration, feature_angle, not_negative, positive, session_name};
+use values::{duration, feature_angle, not_negative, positive};
 
 const AFTER_HELP: &str = "\
 Exit codes:
@@ -71,8 +74,8 @@ pub(crate) enum Command {
     Set(SetArgs),
     /// Partition the surface of a session into patches
     Partition(SessionName),
-    /// Map the patches of a session to the plane
-    Chart(PatchesArgs),
+    /// Map patches to the plane: of a session or a file, or one patch with conditions of its own
+    Chart(ChartArgs),
     /// Remesh the surface of a session, or mesh some patches of it
     Remesh(PatchesArgs),
     /// Tell what a remesh would find in the cache and what it would compute
@@ -102,6 +105,8 @@ pub(crate) struct RunArgs {
     pub(crate) import: ImportArgs,
     #[command(flatten)]
     pub(crate) inputs: InputArgs,
+    #[command(flatten)]
+    pub(crate) method: MethodArgs,
     /// Also measure distances to the input and self-intersections
     #[arg(long)]
     pub(crate) quality: bool,
@@ -135,7 +140,7 @@ pub(crate) struct SizeArgs {
 }
 
 /// How the file is read.
-#[derive(Debug, Clone, Default, Args)]
+#[derive(Debug, Clone, Default, PartialEq, Args)]
 #[command(next_help_heading = "Reading")]
 pub(crate) struct ImportArgs {
     /// Format of the file; default: found by its content
@@ -155,8 +160,17 @@ pub(crate) struct ImportArgs {
     pub(crate) obj_regions: Option<ObjRegions>,
 }
 
-/// The other inputs.
+/// Which charts all patches get. Apart from the other inputs since `--chart` names a patch in `render`.
 #[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "Method")]
+pub(crate) struct MethodArgs {
+    /// Map of the patches to the plane [default: auto, the first of spectral, lscm and mean-value that is bijective]
+    #[arg(id = "chart_method", long = "chart", value_name = "METHOD")]
+    pub(crate) chart: Option<ChartMethod>,
+}
+
+/// The other inputs.
+#[derive(Debug, Clone, Default, PartialEq, Args)]
 #[command(next_help_heading = "Method")]
 pub(crate) struct InputArgs {
     /// Edges whose faces' normals differ by at least this many degrees are kept; `none` finds no edges by angle [default: 40]
@@ -183,9 +197,6 @@ pub(crate) struct InputArgs {
     /// Bound on pi A / L^2 of a patch (A its area, L its longest border) [default: 4]
     #[arg(long, value_name = "RATIO", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) max_aspect_ratio: Option<f64>,
-    /// Map of the patches to the plane [default: auto, the first of the others that is bijective]
-    #[arg(long, value_name = "METHOD")]
-    pub(crate) chart: Option<ChartMethod>,
     /// Rounds of optimisation across patch borders; 0 leaves the mesh as it was joined [default: 5]
     #[arg(long, value_name = "N")]
     pub(crate) rounds: Option<u32>,
@@ -285,9 +296,20 @@ pub(crate) struct RenderArgs {
     /// Draw the remeshed surface, not the input (of a file: needs a size)
     #[arg(long)]
     pub(crate) result: bool,
-    /// Draw the chart of this patch in the plane
+    /// Draw the chart of this patch in the plane, flipped faces in red; with chart options the one it would have
     #[arg(long, value_name = "PATCH", conflicts_with_all = ["result", "histogram"])]
     pub(crate) chart: Option<u32>,
+    /// Draw the pattern of charts on the surface in space: of the patch of --chart, or of all
+    #[arg(long, conflicts_with_all = ["result", "histogram"])]
+    pub(crate) chart_on_surface: bool,
+    /// Lay a checkerboard over the charts, with N fields along the longest side
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub(crate) checker: Option<u32>,
+    /// Draw lines of constant u (blue) and constant v (orange), N of each along the longest side
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub(crate) iso: Option<u32>,
+    #[command(flatten)]
+    pub(crate) spec: ChartSpecArgs,
     /// Draw the histogram of kappa before and after remeshing (of a file: needs a size)
     #[arg(long, conflicts_with = "result")]
     pub(crate) histogram: bool,
@@ -374,6 +396,8 @@ pub(crate) struct SetArgs {
     pub(crate) size: SizeArgs,
     #[command(flatten)]
     pub(crate) inputs: InputArgs,
+    #[command(flatten)]
+    pub(crate) method: MethodArgs,
 }
 
 #[derive(Debug, Args)]
@@ -418,9 +442,50 @@ mod tests {
         Cli::try_parse_from(line.split(' '))
     }
 
+    /// Release builds leave out clap's own checks, so the ones that matter are made here.
     #[test]
-    fn the_definition_is_consistent() {
-        Cli::command().debug_assert();
+    fn no_option_has_two_meanings() {
+        fn check(command: &clap::Command, path: &str) {
+            let path = format!("{path} {}", command.get_name());
+            let arguments: Vec<_> = command.get_arguments().collect();
+            for (n, a) in arguments.iter().enumerate() {
+                for b in &arguments[..n] {
+                    assert_ne!(a.get_id(), b.get_id(), "{path}");
+                    assert!(a.get_long().is_none() || a.get_long() != b.get_long(), "{path}: --{}", a.get_long().unwrap_or_default());
+                    assert!(a.get_short().is_none() || a.get_short() != b.get_short(), "{path}: {}", a.get_id());
+                }
+            }
+            command.get_subcommands().for_each(|inner| check(inner, &path));
+        }
+        let mut command = Cli::command();
+        command.build();
+        check(&command, "");
+    }
+
+    #[test]
+    fn chart_takes_a_verb_or_a_surface() {
+        let chart = |line: &str| match parse(line).map(|cli| cli.command) {
+            Ok(Command::Chart(args)) => Ok(args),
+            Ok(_) => panic!("{line}"),
+            Err(error) => Err(error.kind()),
+        };
+        let set = chart("remesh chart set abc 3 --method lscm --pin 4:0,0 --pin 9:1,0.5 --holes plane").expect("valid");
+        let Some(ChartVerb::Set { patch: Some(3), spec, .. }) = set.verb else { panic!("{set:?}") };
+        assert_eq!((spec.pins.len(), spec.holes), (2, Some(HoleChoice::Plane)));
+        let all = chart("remesh chart a.stl --patches 2 --patch 1 --method harmonic --boundary square --corner 1,2,3,4").expect("valid");
+        assert!(all.verb.is_none() && all.all.target.as_deref() == Some("a.stl") && all.all.spec.corners == [1, 2, 3, 4]);
+        assert!(chart("remesh chart sessions/a1 --patch 0").is_ok_and(|c| c.all.patches == [0]));
+        for bad in [
+            "remesh chart",
+            "remesh chart show abc",
+            "remesh chart preview abc",
+            "remesh chart set abc 3 --pin 4 --pins farthest",
+            "remesh chart set abc 3 --corner 4",
+            "remesh chart a.stl --obj x.obj -o y",
+            "remesh chart set abc 3 --method conformal",
+        ] {
+            assert!(chart(bad).is_err(), "{bad}");
+        }
     }
 
     #[test]
@@ -434,7 +499,7 @@ mod tests {
         assert_eq!(run.inputs.feature_angle, Some(FeatureAngle::None));
         assert_eq!((run.size.min_size, run.size.growth_rate, run.size.size), (Some(0.1), Some(1.2), None));
         assert_eq!(run.import.only_region, ["inlet", "7"]);
-        assert_eq!((run.inputs.chart, run.inputs.rounds), (Some(ChartMethod::MeanValue), Some(0)));
+        assert_eq!((run.method.chart, run.inputs.rounds), (Some(ChartMethod::MeanValue), Some(0)));
     }
 
     #[test]

@@ -9,9 +9,12 @@ use tonic_types::StatusExt;
 
 const LSCM: v1::ChartMethod = v1::ChartMethod::LeastSquaresConformal;
 
+/// A tube in three or more patches; at revision 2.
 async fn open_tube(daemon: &Daemon) -> String {
     let session = daemon.session().await;
     daemon.import(&session, tube(1_500)).await.expect("import");
+    let partition = v1::PartitionSpec { patches: Some(3), ..Default::default() };
+    daemon.change(&session, None, v1::change::Change::Partition(partition)).await.expect("partition");
     session
 }
 
@@ -104,7 +107,7 @@ async fn a_patch_gets_a_spec_of_its_own_and_gives_it_back() {
     let daemon = Daemon::usual().await;
     let session = open_tube(&daemon).await;
     let before = get(&daemon, &session, 0).await.expect("get");
-    assert_eq!((before.revision, before.origin()), (1, v1::ChartSpecOrigin::Session));
+    assert_eq!((before.revision, before.origin()), (2, v1::ChartSpecOrigin::Session));
     assert_eq!(before.spec.as_ref().map(v1::ChartSpec::method), Some(v1::ChartMethod::Automatic));
     let Some(v1::get_patch_chart_response::Chart::Summary(first)) = before.chart else { panic!("{before:?}") };
     assert_eq!(first.origin(), v1::ChartSpecOrigin::Session);
@@ -113,9 +116,9 @@ async fn a_patch_gets_a_spec_of_its_own_and_gives_it_back() {
     assert!(angle.min >= 1.0 && angle.min <= angle.mean && angle.mean <= angle.max && angle.mean == distortion.angle_mean);
 
     let changed = update(&daemon, edit(&session, only(LSCM), &[])).await.expect("update");
-    assert_eq!((changed.revision, changed.spec.expect("spec").method()), (2, LSCM));
+    assert_eq!((changed.revision, changed.spec.expect("spec").method()), (3, LSCM));
     let own = get(&daemon, &session, 0).await.expect("get");
-    assert_eq!((own.revision, own.origin()), (2, v1::ChartSpecOrigin::Patch));
+    assert_eq!((own.revision, own.origin()), (3, v1::ChartSpecOrigin::Patch));
     let Some(v1::get_patch_chart_response::Chart::Summary(chart)) = own.chart else { panic!("{:?}", own.chart) };
     assert_eq!((chart.method(), chart.origin()), (LSCM, v1::ChartSpecOrigin::Patch));
     let ran: Vec<_> = own.run.expect("run").stages.into_iter().filter(|s| s.outcome() == v1::StageOutcome::Run).collect();
@@ -123,10 +126,10 @@ async fn a_patch_gets_a_spec_of_its_own_and_gives_it_back() {
     let inputs = daemon.sessions().get_session(v1::GetSessionRequest { name: session.clone() }).await.expect("get").into_inner();
     assert_eq!(inputs.session.and_then(|s| s.inputs).map(|i| i.patch_charts), Some(1));
 
-    let reset = v1::ResetPatchChartRequest { session: session.clone(), base_revision: Some(2), patch: 0 };
-    assert_eq!(daemon.charts().reset_patch_chart(reset).await.expect("reset").into_inner().revision, 3);
+    let reset = v1::ResetPatchChartRequest { session: session.clone(), base_revision: Some(3), patch: 0 };
+    assert_eq!(daemon.charts().reset_patch_chart(reset).await.expect("reset").into_inner().revision, 4);
     let again = v1::ResetPatchChartRequest { session: session.clone(), base_revision: None, patch: 0 };
-    assert_eq!(daemon.charts().reset_patch_chart(again).await.expect("reset").into_inner().revision, 3, "nothing to take back");
+    assert_eq!(daemon.charts().reset_patch_chart(again).await.expect("reset").into_inner().revision, 4, "nothing to take back");
     let back = get(&daemon, &session, 0).await.expect("get");
     assert_eq!(back.chart, Some(v1::get_patch_chart_response::Chart::Summary(first)));
     assert_eq!(back.run.map(|r| r.runs), Some(0));
@@ -175,9 +178,9 @@ async fn a_preview_shows_and_changes_nothing() {
         v1::DataColumn::FaceFlipped,
     ];
     let shown = preview(&daemon, &session, only(LSCM), &every).await.expect("preview");
-    let chart = shown.header.chart.expect("chart");
+    let chart = shown.header.chart.clone().expect("chart");
     assert!(shown.header.has_map && shown.header.error.is_none() && shown.header.verdict() == v1::ChartVerdict::Usable);
-    assert_eq!((chart.method(), shown.header.spec.map(|s| s.method())), (LSCM, Some(LSCM)));
+    assert_eq!((chart.method(), shown.header.spec.as_ref().map(v1::ChartSpec::method)), (LSCM, Some(LSCM)));
     let angle = f64s(&column(&shown.chunks, v1::DataColumn::FaceAngleDistortion));
     let area = f64s(&column(&shown.chunks, v1::DataColumn::FaceAreaDistortion));
     let spreads = chart.distortion.expect("distortion");
@@ -189,7 +192,7 @@ async fn a_preview_shows_and_changes_nothing() {
     assert_eq!(column(&shown.chunks, v1::DataColumn::Positions).len() as u64, 24 * chart.vertices);
 
     let still = get(&daemon, &session, 0).await.expect("get");
-    assert_eq!((still.revision, still.origin()), (1, v1::ChartSpecOrigin::Session));
+    assert_eq!((still.revision, still.origin()), (2, v1::ChartSpecOrigin::Session));
     update(&daemon, edit(&session, only(LSCM), &[])).await.expect("update");
     let taken = get(&daemon, &session, 0).await.expect("get");
     assert_eq!(taken.run.map(|r| r.runs), Some(0), "the preview has computed it");
@@ -256,7 +259,7 @@ async fn what_cannot_be_is_refused_and_named() {
     let named = v1::change::Change::Charts(pinned(&[(a, None), (b, None)]));
     let status = assert_refused(daemon.change(&session, None, named).await, Code::InvalidArgument, "BAD_PARAMETER");
     assert!(status.message().contains("of one patch"), "{status:?}");
-    assert_eq!(get(&daemon, &session, 0).await.expect("get").revision, 1, "nothing was changed");
+    assert_eq!(get(&daemon, &session, 0).await.expect("get").revision, 2, "nothing was changed");
     let columns = [v1::DataColumn::FaceKappa];
     assert_refused(chart_data(&daemon, &session, &columns).await, Code::InvalidArgument, "BAD_PARAMETER");
 }
