@@ -4,6 +4,8 @@ mod chart;
 mod values;
 
 pub(crate) use chart::{ChartAllArgs, ChartArgs, ChartOutput, ChartSpecArgs, ChartVerb, PatchOf};
+#[cfg(test)]
+pub(crate) use values::PinArg;
 pub(crate) use values::{BoundaryCurve, HoleChoice, OuterLoop, PinChoice, SpacingChoice, names_session, session_name};
 pub(crate) use values::{ChartMethod, ColourBy, Encoding, FeatureAngle, ObjRegions, ReadFormat, SampleName, Unit, Up};
 
