@@ -277,7 +277,8 @@ fn charts_of_a_file_need_no_daemon() {
     let obj = std::fs::read_to_string(scratch.0.join("uv/patch-0.obj")).expect("written");
     let count = |prefix: &str| obj.lines().filter(|line| line.starts_with(prefix)).count();
     assert!(count("v ") > 100 && count("v ") == count("vt ") && count("f ") > 200);
-    let named = scratch.remesh(&["chart", "tube.off", "--patches", "3", "--patch", "1", "--method", "lscm", "--obj", "one.obj", "--json"]).ok();
+    let named =
+        scratch.remesh(&["chart", "tube.off", "--patches", "3", "--patch", "1", "--method", "lscm", "--obj", "one.obj", "--json"]).ok();
     assert!(named.out.contains(r#""verdict":"usable""#) && named.out.contains(r#""method":"lscm""#), "{named:?}");
     assert!(scratch.0.join("one.obj").is_file());
     let code = |arguments: &[&str]| scratch.remesh(&[&["chart", "tube.off"], arguments].concat()).code;

@@ -106,7 +106,9 @@ mod tests {
         let lines = Pattern { checkers: None, iso: Some(1.0) };
         let at = |x: f64, y: f64| lines.paint(OWN, &map, x, y, 1.0);
         assert_eq!((at(10.3, 5.0), at(5.0, 9.7), at(5.0, 5.0), at(8.0, 5.0)), (ISO_U, ISO_V, OWN, OWN));
-        assert!(Pattern { iso: Some(0.0), checkers: None }.check().is_err() && Pattern { checkers: Some(f64::NAN), iso: None }.check().is_err());
+        assert!(
+            Pattern { iso: Some(0.0), checkers: None }.check().is_err() && Pattern { checkers: Some(f64::NAN), iso: None }.check().is_err()
+        );
         assert_eq!(chart_extent(&[[0.0, 1.0], [2.0, -4.0]]), 5.0);
         assert_eq!(chart_extent(&[]), 0.0);
     }

@@ -476,7 +476,7 @@ mod tests {
         assert_eq!((spec.pins.len(), spec.holes), (2, Some(HoleChoice::Plane)));
         let all = chart("remesh chart a.stl --patches 2 --patch 1 --method harmonic --boundary square --corner 1,2,3,4").expect("valid");
         assert!(all.verb.is_none() && all.all.target.as_deref() == Some("a.stl") && all.all.spec.corners == [1, 2, 3, 4]);
-        assert!(chart("remesh chart sessions/a1 --patch 0").is_ok_and(|c| c.all.patches == [0]));
+        assert!(chart("remesh chart sessions/a1 --patch 0").is_ok_and(|c| c.all.only == [0]));
         for bad in [
             "remesh chart",
             "remesh chart show abc",

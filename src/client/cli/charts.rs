@@ -50,7 +50,10 @@ fn whole_if_empty(edit: ChartEdit) -> ChartEdit {
 fn revision_report(at: &PatchOf, revision: u64, spec: Option<v1::ChartSpec>) -> Report {
     let spec = spec.unwrap_or_default();
     let text = summary::line("revision", revision) + &summary::line("chart", summary::chart_spec(&spec));
-    Report { text, json: json!({ "session": at.session.session, "revision": revision, "patch": at.patch, "spec": json::chart_spec(&spec) }) }
+    Report {
+        text,
+        json: json!({ "session": at.session.session, "revision": revision, "patch": at.patch, "spec": json::chart_spec(&spec) }),
+    }
 }
 
 async fn set(context: &Context, session: &str, patch: Option<u32>, args: &ChartSpecArgs) -> Outcome<Report> {
@@ -140,19 +143,21 @@ pub(crate) async fn all(context: &Context, args: &ChartAllArgs) -> Told {
     let target = args.target.as_deref().unwrap_or_default();
     let file = (!names_session(target)).then(|| PathBuf::from(target));
     // An output that cannot be written is told before the work; which patches there are is known only after it.
-    let early = Places::new(&args.output, &args.patches, file.as_deref());
-    if args.output.output.is_some() || !args.patches.is_empty() {
+    let early = Places::new(&args.output, &args.only, file.as_deref());
+    if args.output.output.is_some() || !args.only.is_empty() {
         early?;
     }
     let session = match &file {
         Some(file) => open_file(context, args, file).await?,
         None if args.import != ImportArgs::default() || args.inputs != InputArgs::default() => {
-            return Err(Failure::Usage("these options are for a file; a session has its inputs by `remesh import` and `remesh set`".into()));
+            return Err(Failure::Usage(
+                "these options are for a file; a session has its inputs by `remesh import` and `remesh set`".into(),
+            ));
         }
         None => session_name(target).map_err(|message| Failure::Usage(format!("{target}: {message}")))?,
     };
     let bar = context.ui.bar("charts");
-    let result = context.client.parametrize(&session, &args.patches, |progress| bar.progress(progress)).await?;
+    let result = context.client.parametrize(&session, &args.only, |progress| bar.progress(progress)).await?;
     drop(bar);
     let mut wanted: Vec<u32> = result.charts.iter().map(|c| c.patch).chain(result.failures.iter().map(|f| f.patch)).collect();
     wanted.sort_unstable();
@@ -212,7 +217,8 @@ fn finish(context: &Context, found: Vec<Found>, places: Places, all: Option<&v1:
             }
         }
     }
-    let runs: Vec<&v1::RunSummary> = all.iter().filter_map(|r| r.summary.as_ref()).chain(found.iter().filter_map(|f| f.run.as_ref())).collect();
+    let runs: Vec<&v1::RunSummary> =
+        all.iter().filter_map(|r| r.summary.as_ref()).chain(found.iter().filter_map(|f| f.run.as_ref())).collect();
     let groups = super::stages::groups(super::stages::joined(&runs));
     let milliseconds = runs.iter().map(|run| run.milliseconds).sum();
     text += &summary::work(milliseconds, &groups);

@@ -216,15 +216,16 @@ pub(crate) fn chart(chart: &v1::ChartSummary) -> Value {
             "rejected": attempt.rejected,
         })
     };
+    let of = |value: fn(&v1::Distortion) -> f64| chart.distortion.as_ref().map(value);
     let distortion = chart.distortion.unwrap_or_default();
     json!({
         "patch": chart.patch,
         "method": summary::chart_method_name(chart.method()),
         "attempts": chart.attempts.iter().map(attempt).collect::<Vec<_>>(),
-        "angle_mean": distortion.angle_mean,
-        "angle_max": distortion.angle_max,
-        "area_min": distortion.area_min,
-        "area_max": distortion.area_max,
+        "angle_mean": of(|d| d.angle_mean),
+        "angle_max": of(|d| d.angle_max),
+        "area_min": of(|d| d.area_min),
+        "area_max": of(|d| d.area_max),
         "angle": spread(distortion.angle),
         "area": spread(distortion.area),
         "stretch": spread(distortion.stretch),

@@ -5,7 +5,8 @@ mod chart;
 pub(crate) use chart::{chart_edit, merged_chart, names_vertices};
 
 use super::args::{
-    ChartMethod, ChartSpecArgs, Encoding, FeatureAngle, ImportArgs, InputArgs, ObjRegions, ReadFormat, SampleName, SampleSpecArgs, SizeArgs, Unit,
+    ChartMethod, ChartSpecArgs, Encoding, FeatureAngle, ImportArgs, InputArgs, ObjRegions, ReadFormat, SampleName, SampleSpecArgs,
+    SizeArgs, Unit,
 };
 use super::failure::{Failure, Outcome};
 use super::files;

@@ -262,12 +262,7 @@ fn wire_distortion(d: &Distortion) -> v1::Distortion {
 
 /// What is wrong with the spec of a patch.
 pub(crate) fn error(patch: u32, error: &EngineError) -> v1::ChartError {
-    v1::ChartError {
-        patch,
-        reason: error.reason().code().to_owned(),
-        message: error.to_string(),
-        locations: geometry_locations(error),
-    }
+    v1::ChartError { patch, reason: error.reason().code().to_owned(), message: error.to_string(), locations: geometry_locations(error) }
 }
 
 #[cfg(test)]

@@ -120,7 +120,13 @@ pub(crate) fn preview(
     let (layout, preview) = answer.value;
     let records = told_once(&first.records, answer.records);
     let map = &layout.patches.patches[p].2;
-    let chart = charts::summary(request.patch, map, &preview.attempts, &preview.distortion);
+    let mut chart = charts::summary(request.patch, map, &preview.attempts, &preview.distortion);
+    if preview.uv.is_empty() {
+        chart.distortion = None;
+    }
+    if preview.attempts.is_empty() {
+        chart.method = charts::wire(&spec).method;
+    }
     let (verdict, error) = match &preview.verdict {
         ChartVerdict::Usable => (v1::ChartVerdict::Usable, None),
         ChartVerdict::MustSplit(reason) => {

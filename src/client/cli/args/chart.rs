@@ -69,7 +69,7 @@ pub(crate) struct ChartAllArgs {
     pub(crate) target: Option<String>,
     /// Only this patch; may be repeated
     #[arg(long = "patch", value_name = "N", action = ArgAction::Append)]
-    pub(crate) patches: Vec<u32>,
+    pub(crate) only: Vec<u32>,
     #[command(flatten)]
     pub(crate) output: ChartOutput,
     #[command(flatten)]

@@ -16,10 +16,18 @@ const PALE: Rgb = [236, 238, 242];
 /// Fields of the checkerboard on a surface if no pattern is asked for.
 const FIELDS: u32 = 20;
 
+fn has_pattern(args: &RenderArgs) -> bool {
+    args.checker.is_some() || args.iso.is_some()
+}
+
+/// Half way to white: dark fields must be seen on it.
+fn light(colour: Rgb) -> Rgb {
+    colour.map(|c| 128 + c / 2)
+}
+
 /// Options that would be ignored are told.
 pub(super) fn check(args: &RenderArgs) -> Outcome<()> {
-    let is_pattern = args.checker.is_some() || args.iso.is_some();
-    if is_pattern && args.chart.is_none() && !args.chart_on_surface {
+    if has_pattern(args) && args.chart.is_none() && !args.chart_on_surface {
         return Err(Failure::Usage("--checker and --iso are for --chart PATCH or --chart-on-surface".into()));
     }
     if !specs::chart_edit(&args.spec)?.paths.is_empty() && args.chart.is_none() {
@@ -55,7 +63,10 @@ fn pattern(args: &RenderArgs, extent: f64) -> Option<Pattern> {
 pub(super) async fn draw_in_plane(context: &Context, args: &RenderArgs, session: &str, patch: u32) -> Outcome<(Image, String)> {
     let chart = read(context, args, session, patch).await?;
     let colours = match args.by {
-        ColourBy::Patch => vec![if args.iso.is_some() { PALE } else { categorical(patch) }; chart.triangles.len()],
+        ColourBy::Patch => {
+            let plain = if has_pattern(args) { light(categorical(patch)) } else { categorical(patch) };
+            vec![if args.iso.is_some() { PALE } else { plain }; chart.triangles.len()]
+        }
         by => {
             let input = context.client.read_mesh(session, v1::MeshSource::Input, columns(by)).await?;
             let whole = face_colours(&input, by);
@@ -91,6 +102,7 @@ pub(super) async fn draw_on_surface(context: &Context, args: &RenderArgs, sessio
     };
     let mut colours = match args.by {
         ColourBy::Patch if args.iso.is_some() => vec![PALE; mesh.triangles.len()],
+        ColourBy::Patch => mesh.patch.iter().map(|&patch| light(categorical(patch))).collect(),
         by => face_colours(&mesh, by),
     };
     let mut corner_uv = vec![None; mesh.triangles.len()];
@@ -112,7 +124,7 @@ pub(super) async fn draw_on_surface(context: &Context, args: &RenderArgs, sessio
         colours.iter_mut().zip(&corner_uv).filter(|(_, uv)| uv.is_none()).for_each(|(colour, _)| *colour = BEFORE);
     }
     let fallback = Pattern { checkers: Some(extent / f64::from(FIELDS)), iso: None };
-    let asked = if args.checker.is_none() && args.iso.is_none() { (extent > 0.0).then_some(fallback) } else { pattern(args, extent) };
+    let asked = if has_pattern(args) { pattern(args, extent) } else { (extent > 0.0).then_some(fallback) };
     let flipped = if flips > 0 { format!(", {} flipped", summary::count(flips, "face", "faces")) } else { String::new() };
     let of = summary::count(distinct(&mesh.patch), "patch", "patches");
     let title = format!("{name}: charts of {} of {of} ({}){flipped}", patches.len(), summary::chart_methods(&methods));

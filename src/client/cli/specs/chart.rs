@@ -155,7 +155,9 @@ mod tests {
     fn a_new_method_drops_what_it_does_not_have() {
         let harmonic = v1::BoundarySpec { spacing: v1::BoundarySpacing::Chord.into(), ..Default::default() };
         let before = v1::ChartSpec { method: v1::ChartMethod::Harmonic.into(), boundary: Some(harmonic), ..Default::default() };
-        let to = |method| merged_chart(before.clone(), chart_edit(&ChartSpecArgs { method: Some(method), ..Default::default() }).expect("valid"));
+        let to = |method| {
+            merged_chart(before.clone(), chart_edit(&ChartSpecArgs { method: Some(method), ..Default::default() }).expect("valid"))
+        };
         assert_eq!(to(ChartMethod::MeanValue).boundary, before.boundary);
         assert_eq!(to(ChartMethod::Lscm), v1::ChartSpec { method: v1::ChartMethod::LeastSquaresConformal.into(), ..Default::default() });
     }

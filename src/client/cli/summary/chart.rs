@@ -125,12 +125,15 @@ pub(crate) fn chart_spec(spec: &v1::ChartSpec) -> String {
 
 fn curve(boundary: &v1::BoundarySpec) -> String {
     use v1::boundary_shape::Shape;
-    let cornered = |name: String, corners: &[u32]| if corners.is_empty() { name } else { format!("{name} with corners {}", vertices(corners)) };
+    let cornered =
+        |name: String, corners: &[u32]| if corners.is_empty() { name } else { format!("{name} with corners {}", vertices(corners)) };
     let mut text = match boundary.shape.as_ref().and_then(|s| s.shape.as_ref()) {
         None | Some(Shape::Circle(_)) => "circle".to_owned(),
         Some(Shape::MeanPlane(_)) => "mean-plane".to_owned(),
         Some(Shape::Ellipse(e)) => format!("ellipse:{}", Short(e.ratio)),
-        Some(Shape::Rectangle(r)) => cornered(r.ratio.map_or("rectangle".into(), |ratio| format!("rectangle:{}", Short(ratio))), &r.corners),
+        Some(Shape::Rectangle(r)) => {
+            cornered(r.ratio.map_or("rectangle".into(), |ratio| format!("rectangle:{}", Short(ratio))), &r.corners)
+        }
         Some(Shape::Polygon(p)) => cornered(format!("polygon of {}", p.points.len()), &p.corners),
     };
     if boundary.spacing() == v1::BoundarySpacing::Chord {
