@@ -53,8 +53,9 @@ impl Pattern {
             for (k, line) in [(0, ISO_U), (1, ISO_V)] {
                 let [dx, dy, _] = chart.0[k];
                 let places = uv[k] / step;
-                let samples_away = (places - places.round()).abs() * step / dx.hypot(dy);
-                if samples_away < HALF_WIDTH * samples {
+                let spacing = step / dx.hypot(dy);
+                // Lines that crowd get thinner, or nothing would be left between them.
+                if (places - places.round()).abs() * spacing < (HALF_WIDTH * samples).min(0.2 * spacing) {
                     colour = line;
                 }
             }

@@ -200,8 +200,10 @@ fn finish(context: &Context, found: Vec<Found>, places: Places, all: Option<&v1:
     let mut text = String::new();
     if let Some(result) = all {
         let splits = if result.splits > 0 { format!(", {} split for want of a chart", result.splits) } else { String::new() };
-        let methods = summary::chart_methods(&result.charts);
-        text += &summary::line("charts", format!("{} of {} patches{splits}: {methods}", found.len(), result.patches));
+        // Previews tell their methods themselves; the charts that the patches have now are not asked about.
+        let is_preview = found.iter().any(|f| f.run.is_some());
+        let methods = if is_preview { String::new() } else { format!(": {}", summary::chart_methods(&result.charts)) };
+        text += &summary::line("charts", format!("{} of {} patches{splits}{methods}", found.len(), result.patches));
     }
     let mut written = Vec::new();
     for f in &found {

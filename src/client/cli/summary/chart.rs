@@ -78,10 +78,10 @@ pub(crate) fn chart(chart: &v1::ChartSummary) -> String {
     let last = chart.attempts.last();
     let size = format!("{}, {}", count(chart.faces, "face", "faces"), count(chart.vertices, "vertex", "vertices"));
     let own = if chart.origin() == v1::ChartSpecOrigin::Patch { " (spec of its own)" } else { "" };
-    let under = last.map(conditions).unwrap_or_default();
+    let under = last.map(|attempt| format!(", {}", conditions(attempt))).unwrap_or_default();
     let method = chart_method_name(chart.method());
-    let mut text = line(&format!("patch {}", chart.patch), format!("{size}: {method}{own}, {under}"));
-    text += &line("", last.map_or_else(|| "nothing was tried".to_owned(), checks));
+    let mut text = line(&format!("patch {}", chart.patch), format!("{size}: {method}{own}{under}"));
+    text += &last.map(|attempt| line("", checks(attempt))).unwrap_or_default();
     let d = chart.distortion.unwrap_or_default();
     let spread = |s: Option<v1::Spread>| {
         let s = s.unwrap_or_default();
