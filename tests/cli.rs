@@ -142,17 +142,21 @@ fn pictures_are_drawn_without_a_display() {
     let scratch = Scratch::new("render");
     scratch.remesh(&["sample", "cad-part", "--triangles", "2000", "-o", "part.off"]).ok();
     let small = ["--width", "300", "--height", "240"];
-    let commands: [&[&str]; 4] = [
+    let commands: [&[&str]; 7] = [
         &["render", "part.off", "-o", "a.png", "--by", "region", "--edges"],
         &["render", "part.off", "-o", "b.png", "--by", "patch", "--up", "y", "--azimuth", "-20"],
         &["render", "part.off", "-o", "c.png", "--chart", "0", "--by", "kappa"],
         &["render", "part.off", "-o", "d.png", "--histogram", "--triangles", "1000"],
+        &["render", "part.off", "-o", "g.png", "--chart", "0", "--checker", "12", "--iso", "6", "--method", "lscm"],
+        &["render", "part.off", "-o", "h.png", "--chart-on-surface", "--iso", "20"],
+        &["render", "part.off", "-o", "i.png", "--chart-on-surface", "--chart", "1", "--checker", "10"],
     ];
     for command in commands {
         scratch.remesh(&[command, &small].concat()).ok();
         assert!(starts_with(&scratch.path(command[3]), PNG), "{command:?}");
     }
     assert_eq!(scratch.remesh(&["render", "part.off", "-o", "e.png", "--result"]).code, Some(2), "a result needs a size");
+    assert_eq!(scratch.remesh(&["render", "part.off", "-o", "e.png", "--checker", "4"]).code, Some(2), "a pattern needs a chart");
     assert_eq!(scratch.remesh(&["render", "part.off", "-o", "f.png", "--chart", "9999"]).code, Some(1), "no such patch");
 }
 
@@ -201,7 +205,10 @@ fn a_session_of_a_daemon_step_by_step() {
     let session = created.out.trim();
     assert!(session.starts_with("sessions/"), "{created:?}");
     assert_eq!(at(&["remesh", session]).code, Some(1), "no mesh yet");
+    let quiet = at(&["import", session, "part.stl", "--quiet"]).ok();
+    assert!(quiet.out.is_empty(), "{quiet:?}");
     has(&["import", session, "part.stl"], "can be remeshed");
+    assert!(at(&["set", session, "--triangles", "1400", "-q"]).ok().out.is_empty());
     has(&["set", session, "--triangles", "1500", "--feature-angle", "35"], "revision");
     has(&["set", session, "--max-patch-faces", "800", "--min-chain", "0"], "revision");
     has(&["session", "show", session], "feature_angle: 35.0");
@@ -209,6 +216,7 @@ fn a_session_of_a_daemon_step_by_step() {
     has(&["partition", session], "patches");
     has(&["chart", session], "spectral");
     has(&["chart", session, "--patch", "0"], "1 of ");
+    chart_of_a_patch(&at, &has, session);
     has(&["plan", session], "will run");
     has(&["remesh", session], "kappa");
     has(&["plan", session], "cached");
@@ -231,4 +239,51 @@ fn a_session_of_a_daemon_step_by_step() {
     has(&["session", "delete", session], "is deleted");
     assert_eq!(at(&["plan", session]).code, Some(1), "gone");
     has(&["status"], "sessions  0 of");
+}
+
+/// The verbs of `chart` on one patch; the session is as it was afterwards, but for its revision.
+fn chart_of_a_patch(at: &dyn Fn(&[&str]) -> Answer, has: &dyn Fn(&[&str], &str), session: &str) {
+    has(&["chart", "show", session, "0"], "that of the session: auto");
+    has(&["chart", "plan", session, "0", "--method", "lscm"], "will run chart patch 0");
+    has(&["chart", "preview", session, "0", "--method", "lscm"], "lscm");
+    has(&["chart", "plan", session, "0", "--method", "lscm"], "0 to run");
+    has(&["chart", "set", session, "0", "--method", "lscm", "--pins", "farthest"], "lscm, holes auto, pins farthest");
+    has(&["chart", "set", session, "0", "--holes", "open"], "lscm, holes open, pins farthest");
+    has(&["chart", "show", session, "0", "--json"], r#""own_spec":true"#);
+    has(&["session", "show", session], "patch_charts: 1");
+    has(&["chart", "set", session, "0", "--method", "spectral"], "spectral, holes open");
+    has(&["chart", "reset", session, "0"], "auto");
+    has(&["session", "show", session], "patch_charts: 0");
+    has(&["chart", "set", session, "--method", "lscm"], "lscm, holes auto");
+    has(&["chart", "set", session, "--method", "auto", "--holes", "auto"], "auto");
+    let quiet = at(&["chart", "reset", session, "0", "--quiet"]).ok();
+    assert!(quiet.out.is_empty(), "{quiet:?}");
+    assert_eq!(at(&["chart", "set", session, "0"]).code, Some(2), "nothing to set");
+    assert_eq!(at(&["chart", "show", session, "9999"]).code, Some(1));
+    let foreign = at(&["chart", "set", session, "0", "--method", "lscm", "--pin", "4000000", "--pin", "1"]);
+    assert!(foreign.code == Some(1) && foreign.err.contains("vertex 4000000 is not in the patch"), "{foreign:?}");
+    let moved = at(&["chart", session, "--feature-angle", "30"]);
+    assert_eq!(moved.code, Some(2), "inputs of a session are set by `set`: {moved:?}");
+}
+
+#[test]
+fn charts_of_a_file_need_no_daemon() {
+    let scratch = Scratch::new("chart");
+    scratch.remesh(&["sample", "tube", "--triangles", "1200", "-o", "tube.off"]).ok();
+    let plain = scratch.remesh(&["chart", "tube.off", "-o", "uv"]).ok();
+    for expected in ["patch 0", "spectral", "holes", "no flips, no overlap", "angle 1", "stretch", "time", "wrote"] {
+        assert!(plain.out.contains(expected), "{expected}: {plain:?}");
+    }
+    let obj = std::fs::read_to_string(scratch.0.join("uv/patch-0.obj")).expect("written");
+    let count = |prefix: &str| obj.lines().filter(|line| line.starts_with(prefix)).count();
+    assert!(count("v ") > 100 && count("v ") == count("vt ") && count("f ") > 200);
+    let named =
+        scratch.remesh(&["chart", "tube.off", "--patches", "3", "--patch", "1", "--method", "lscm", "--obj", "one.obj", "--json"]).ok();
+    assert!(named.out.contains(r#""verdict":"usable""#) && named.out.contains(r#""method":"lscm""#), "{named:?}");
+    assert!(scratch.0.join("one.obj").is_file());
+    let code = |arguments: &[&str]| scratch.remesh(&[&["chart", "tube.off"], arguments].concat()).code;
+    assert_eq!(code(&["--patches", "3", "--method", "lscm", "--pin", "1", "--pin", "2"]), Some(2), "pins of which patch?");
+    assert_eq!(code(&["--patches", "3", "--obj", "x.obj"]), Some(2), "one file for many patches");
+    assert_eq!(code(&["--patch", "999"]), Some(1));
+    assert_eq!(scratch.remesh(&["chart", "absent.off"]).code, Some(1));
 }

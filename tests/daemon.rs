@@ -122,6 +122,28 @@ fn the_real_grpcurl_works() {
     let again = daemon.call("remesh.v1.RemeshService/RemeshSurface", &named);
     assert!(!again.contains("STAGE_OUTCOME_RUN"), "everything is cached");
 
+    let patch = format!(r#"{{"session": "{session}", "patch": 0}}"#);
+    let chart = daemon.call("remesh.v1.ChartService/GetPatchChart", &patch);
+    assert!(chart.contains("CHART_SPEC_ORIGIN_SESSION") && chart.contains("\"stretch\""), "{chart}");
+    let edit = r#""patch": 0, "spec": {"method": "CHART_METHOD_LEAST_SQUARES_CONFORMAL", "holes": "HOLE_TREATMENT_OPEN"}, "update_mask": "method,holes""#;
+    let preview = format!(r#"{{"session": "{session}", {edit}, "columns": ["DATA_COLUMN_UV", "DATA_COLUMN_FACE_FLIPPED"]}}"#);
+    // Old releases of grpcurl take a field mask as an object, new ones as text.
+    let probe = daemon.grpcurl(&["remesh.v1.ChartService/PreviewPatchChart"], &preview);
+    let is_old = String::from_utf8_lossy(&probe.stderr).contains("expecting start of JSON object");
+    let spelled = |request: &str| match is_old {
+        true => request.replace(r#""method,holes""#, r#"{"paths": ["method", "holes"]}"#),
+        false => request.to_owned(),
+    };
+    let shown = daemon.call("remesh.v1.ChartService/PreviewPatchChart", &spelled(&preview));
+    assert!(shown.contains("CHART_VERDICT_") && shown.contains("DATA_COLUMN_UV"), "{shown}");
+    let update = format!(r#"{{"session": "{session}", "base_revision": 2, {edit}}}"#);
+    let updated = daemon.call("remesh.v1.ChartService/UpdatePatchChart", &spelled(&update));
+    assert_eq!(field(&updated, "revision"), "3");
+    assert!(updated.contains("HOLE_TREATMENT_OPEN"), "{updated}");
+    assert_eq!(field(&daemon.call("remesh.v1.ChartService/GetPatchChart", &patch), "origin"), "CHART_SPEC_ORIGIN_PATCH");
+    let late = daemon.grpcurl(&["remesh.v1.ChartService/UpdatePatchChart"], &spelled(&update));
+    assert!(!late.status.success() && String::from_utf8_lossy(&late.stderr).contains("STALE_REVISION"), "{late:?}");
+
     let stale = daemon.grpcurl(&["remesh.v1.SessionService/ApplyChange"], &size);
     let message = String::from_utf8_lossy(&stale.stderr).into_owned();
     assert!(!stale.status.success() && message.contains("Aborted") && message.contains("STALE_REVISION"), "{message}");

@@ -143,6 +143,25 @@ pub mod packed_array {
         Blob(::prost::alloc::string::String),
     }
 }
+/// A stage of a plan.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct PlannedStage {
+    /// The stage, as in `StageRecord`.
+    #[prost(string, tag = "1")]
+    pub stage: ::prost::alloc::string::String,
+    /// What it works on.
+    #[prost(string, tag = "2")]
+    pub subject: ::prost::alloc::string::String,
+    /// HIT if its output is cached, RUN if it would be computed.
+    #[prost(enumeration = "StageOutcome", tag = "3")]
+    pub outcome: i32,
+    /// For RUN the mean of what this stage took before, 0 if it never ran; for HIT 0.
+    #[prost(double, tag = "4")]
+    pub estimated_milliseconds: f64,
+    /// For HIT the size of its output in memory.
+    #[prost(uint64, tag = "5")]
+    pub bytes: u64,
+}
 /// A piece of a column. The pieces of a column come in order; columns come one after another.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct DataChunk {
@@ -422,6 +441,14 @@ pub enum DataColumn {
     SourceVertex = 8,
     /// Face of the imported mesh for each local face of a patch: u32.
     SourceFace = 9,
+    /// Angle distortion of each face of a chart: f64, at least 1 (conformal); infinite for a face that is flat in the plane.
+    FaceAngleDistortion = 10,
+    /// Area distortion of each face of a chart: f64; 1 keeps the area, negative is flipped.
+    FaceAreaDistortion = 11,
+    /// Stretch of each face of a chart: f64; 1 everywhere is isometric.
+    FaceStretch = 12,
+    /// Whether each face of a chart is clockwise or flat in the plane, by its exact orientation: u32, 0 or 1.
+    FaceFlipped = 13,
 }
 impl DataColumn {
     /// String value of the enum field names used in the ProtoBuf definition.
@@ -440,6 +467,10 @@ impl DataColumn {
             Self::Uv => "DATA_COLUMN_UV",
             Self::SourceVertex => "DATA_COLUMN_SOURCE_VERTEX",
             Self::SourceFace => "DATA_COLUMN_SOURCE_FACE",
+            Self::FaceAngleDistortion => "DATA_COLUMN_FACE_ANGLE_DISTORTION",
+            Self::FaceAreaDistortion => "DATA_COLUMN_FACE_AREA_DISTORTION",
+            Self::FaceStretch => "DATA_COLUMN_FACE_STRETCH",
+            Self::FaceFlipped => "DATA_COLUMN_FACE_FLIPPED",
         }
     }
     /// Creates an enum from field names used in the ProtoBuf definition.
@@ -455,6 +486,10 @@ impl DataColumn {
             "DATA_COLUMN_UV" => Some(Self::Uv),
             "DATA_COLUMN_SOURCE_VERTEX" => Some(Self::SourceVertex),
             "DATA_COLUMN_SOURCE_FACE" => Some(Self::SourceFace),
+            "DATA_COLUMN_FACE_ANGLE_DISTORTION" => Some(Self::FaceAngleDistortion),
+            "DATA_COLUMN_FACE_AREA_DISTORTION" => Some(Self::FaceAreaDistortion),
+            "DATA_COLUMN_FACE_STRETCH" => Some(Self::FaceStretch),
+            "DATA_COLUMN_FACE_FLIPPED" => Some(Self::FaceFlipped),
             _ => None,
         }
     }
@@ -988,12 +1023,131 @@ pub struct PartitionSpec {
     #[prost(double, optional, tag = "3")]
     pub max_aspect_ratio: ::core::option::Option<f64>,
 }
-/// Which charts are made.
+/// A point of the plane.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct PlanePoint {
+    /// First coordinate.
+    #[prost(double, tag = "1")]
+    pub u: f64,
+    /// Second coordinate.
+    #[prost(double, tag = "2")]
+    pub v: f64,
+}
+/// A vertex that is held.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct Pin {
+    /// The vertex, inside the patch or on its boundary.
+    #[prost(uint32, tag = "1")]
+    pub vertex: u32,
+    /// Where it goes. Not set: see `PinSpec.given`.
+    #[prost(message, optional, tag = "2")]
+    pub target: ::core::option::Option<PlanePoint>,
+}
+/// Pins of a least squares conformal map.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct PinSpec {
+    /// How they are chosen. Not together with `given`.
+    #[prost(enumeration = "PinChoice", tag = "1")]
+    pub choice: i32,
+    /// These, 2 to 256. Two without targets fix a similarity, and the chart is scaled to the area of the patch; with targets the chart
+    /// goes exactly there. More than two need targets.
+    #[prost(message, repeated, tag = "2")]
+    pub given: ::prost::alloc::vec::Vec<Pin>,
+}
+/// A circle.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct CircleShape {}
+/// An ellipse.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct EllipseShape {
+    /// First over second axis, from 0.001 to 1000.
+    #[prost(double, tag = "1")]
+    pub ratio: f64,
+}
+/// A rectangle.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct RectangleShape {
+    /// First over second side, from 0.001 to 1000. Default: that of the lengths between the corners.
+    #[prost(double, optional, tag = "1")]
+    pub ratio: ::core::option::Option<f64>,
+    /// Four vertices of the outer loop, in its direction, that become the corners. Default: quarters of the length.
+    #[prost(uint32, repeated, tag = "2")]
+    pub corners: ::prost::alloc::vec::Vec<u32>,
+}
+/// A convex polygon.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct PolygonShape {
+    /// Its corners, counter-clockwise, no three on a line; 3 to 1024.
+    #[prost(message, repeated, tag = "1")]
+    pub points: ::prost::alloc::vec::Vec<PlanePoint>,
+    /// Vertices of the outer loop, in its direction, one for each corner. Default: the shares of the perimeter.
+    #[prost(uint32, repeated, tag = "2")]
+    pub corners: ::prost::alloc::vec::Vec<u32>,
+}
+/// The outer loop projected onto its mean plane. Need not be convex.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct MeanPlaneShape {}
+/// A closed curve in the plane. The chart is scaled to the area of the patch afterwards, so only its shape matters.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct BoundaryShape {
+    /// Default: a circle.
+    #[prost(oneof = "boundary_shape::Shape", tags = "1, 2, 3, 4, 5")]
+    pub shape: ::core::option::Option<boundary_shape::Shape>,
+}
+/// Nested message and enum types in `BoundaryShape`.
+pub mod boundary_shape {
+    /// Default: a circle.
+    #[derive(Clone, PartialEq, ::prost::Oneof)]
+    pub enum Shape {
+        /// A circle.
+        #[prost(message, tag = "1")]
+        Circle(super::CircleShape),
+        /// An ellipse.
+        #[prost(message, tag = "2")]
+        Ellipse(super::EllipseShape),
+        /// A rectangle.
+        #[prost(message, tag = "3")]
+        Rectangle(super::RectangleShape),
+        /// A convex polygon.
+        #[prost(message, tag = "4")]
+        Polygon(super::PolygonShape),
+        /// The projection onto the mean plane.
+        #[prost(message, tag = "5")]
+        MeanPlane(super::MeanPlaneShape),
+    }
+}
+/// Where the outer loop goes.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct BoundarySpec {
+    /// The curve.
+    #[prost(message, optional, tag = "1")]
+    pub shape: ::core::option::Option<BoundaryShape>,
+    /// How vertices are spread along it.
+    #[prost(enumeration = "BoundarySpacing", tag = "2")]
+    pub spacing: i32,
+    /// The vertex of the outer loop that goes to the start of the curve: angle 0, or the first corner. Default: the first vertex of the
+    /// loop. Not with `corners`, which say it too, nor with a projection.
+    #[prost(uint32, optional, tag = "3")]
+    pub start_vertex: ::core::option::Option<u32>,
+}
+/// Which charts are made. Vertices are those of the imported mesh; a spec that names any is for one patch only.
+#[derive(Clone, PartialEq, ::prost::Message)]
 pub struct ChartSpec {
     /// The method. A method other than automatic is used or fails, never replaced.
     #[prost(enumeration = "ChartMethod", tag = "1")]
     pub method: i32,
+    /// The loop through this vertex becomes the outer boundary of the chart. Default: the longest loop.
+    #[prost(uint32, optional, tag = "2")]
+    pub outer_vertex: ::core::option::Option<u32>,
+    /// What is done about the other loops.
+    #[prost(enumeration = "HoleTreatment", tag = "3")]
+    pub holes: i32,
+    /// Pins; for the least squares conformal map only.
+    #[prost(message, optional, tag = "4")]
+    pub pins: ::core::option::Option<PinSpec>,
+    /// Where the outer loop goes; for methods that map onto a given boundary only.
+    #[prost(message, optional, tag = "5")]
+    pub boundary: ::core::option::Option<BoundarySpec>,
 }
 /// A wanted length for each vertex of the imported mesh.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -1074,7 +1228,7 @@ pub struct SessionInputs {
     /// Partition.
     #[prost(message, optional, tag = "2")]
     pub partition: ::core::option::Option<PartitionSpec>,
-    /// Charts.
+    /// Charts of patches without a spec of their own.
     #[prost(message, optional, tag = "3")]
     pub charts: ::core::option::Option<ChartSpec>,
     /// Sizes. Not set until a size was given. Arrays per vertex are not repeated back.
@@ -1086,6 +1240,9 @@ pub struct SessionInputs {
     /// Optimisation.
     #[prost(message, optional, tag = "6")]
     pub optimize: ::core::option::Option<OptimizeSpec>,
+    /// How many patches have a chart spec of their own (see ChartService), also those that the partition has at present not.
+    #[prost(uint32, tag = "7")]
+    pub patch_charts: u32,
 }
 /// What a border between two regions is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
@@ -1130,7 +1287,7 @@ pub enum ChartMethod {
     Automatic = 1,
     /// Spectral conformal map (no pins).
     SpectralConformal = 2,
-    /// Least squares conformal map with two pins.
+    /// Least squares conformal map with pins.
     LeastSquaresConformal = 3,
     /// Mean value convex map onto a given boundary.
     MeanValue = 4,
@@ -1198,13 +1355,134 @@ impl MesherKind {
         }
     }
 }
+/// What is done about the inner loops of a patch while it is mapped. Filling never reaches the chart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum HoleTreatment {
+    /// Automatic.
+    Unspecified = 0,
+    /// Free first, then with a vertex in the centre, then with a mesh of the mean plane: whatever passes the checks first.
+    Automatic = 1,
+    /// Free.
+    Open = 2,
+    /// A fan of triangles to the centroid of the loop.
+    CentreVertex = 3,
+    /// A Delaunay mesh of the loop in its mean plane.
+    MeanPlane = 4,
+}
+impl HoleTreatment {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "HOLE_TREATMENT_UNSPECIFIED",
+            Self::Automatic => "HOLE_TREATMENT_AUTOMATIC",
+            Self::Open => "HOLE_TREATMENT_OPEN",
+            Self::CentreVertex => "HOLE_TREATMENT_CENTRE_VERTEX",
+            Self::MeanPlane => "HOLE_TREATMENT_MEAN_PLANE",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "HOLE_TREATMENT_UNSPECIFIED" => Some(Self::Unspecified),
+            "HOLE_TREATMENT_AUTOMATIC" => Some(Self::Automatic),
+            "HOLE_TREATMENT_OPEN" => Some(Self::Open),
+            "HOLE_TREATMENT_CENTRE_VERTEX" => Some(Self::CentreVertex),
+            "HOLE_TREATMENT_MEAN_PLANE" => Some(Self::MeanPlane),
+            _ => None,
+        }
+    }
+}
+/// How pins are chosen that are not given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum PinChoice {
+    /// Automatic.
+    Unspecified = 0,
+    /// The choices below one after the other, until a chart passes the checks.
+    Automatic = 1,
+    /// The two vertices of the outer loop farthest apart in space.
+    Farthest = 2,
+    /// The two vertices of the outer loop at the ends of the patch's principal axis of inertia.
+    Inertia = 3,
+}
+impl PinChoice {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "PIN_CHOICE_UNSPECIFIED",
+            Self::Automatic => "PIN_CHOICE_AUTOMATIC",
+            Self::Farthest => "PIN_CHOICE_FARTHEST",
+            Self::Inertia => "PIN_CHOICE_INERTIA",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "PIN_CHOICE_UNSPECIFIED" => Some(Self::Unspecified),
+            "PIN_CHOICE_AUTOMATIC" => Some(Self::Automatic),
+            "PIN_CHOICE_FARTHEST" => Some(Self::Farthest),
+            "PIN_CHOICE_INERTIA" => Some(Self::Inertia),
+            _ => None,
+        }
+    }
+}
+/// How the vertices of the outer loop are spread along a curve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum BoundarySpacing {
+    /// By arc length.
+    Unspecified = 0,
+    /// Lengths along the curve are proportional to the lengths of the edges.
+    ArcLength = 1,
+    /// Distances of consecutive points are. On straight sides both are the same.
+    Chord = 2,
+}
+impl BoundarySpacing {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "BOUNDARY_SPACING_UNSPECIFIED",
+            Self::ArcLength => "BOUNDARY_SPACING_ARC_LENGTH",
+            Self::Chord => "BOUNDARY_SPACING_CHORD",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "BOUNDARY_SPACING_UNSPECIFIED" => Some(Self::Unspecified),
+            "BOUNDARY_SPACING_ARC_LENGTH" => Some(Self::ArcLength),
+            "BOUNDARY_SPACING_CHORD" => Some(Self::Chord),
+            _ => None,
+        }
+    }
+}
+/// Virtual triangles under which a map was computed. They never reach the chart.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct ChartFilling {
+    /// How inner loops were filled: OPEN, CENTRE_VERTEX or MEAN_PLANE.
+    #[prost(enumeration = "HoleTreatment", tag = "1")]
+    pub holes: i32,
+    /// Whether notches of the outer loop were bridged.
+    #[prost(bool, tag = "2")]
+    pub ears: bool,
+}
 /// One method that was tried and what the checks said.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct ChartAttempt {
     /// The method.
     #[prost(enumeration = "ChartMethod", tag = "1")]
     pub method: i32,
-    /// Faces that are not counter-clockwise in the plane.
+    /// Faces that are clockwise or flat in the plane after the repair.
     #[prost(uint32, tag = "2")]
     pub flipped: u32,
     /// Whether the border crosses itself in the plane.
@@ -1213,22 +1491,54 @@ pub struct ChartAttempt {
     /// Why it was not taken; empty for the one that was.
     #[prost(string, tag = "4")]
     pub rejected: ::prost::alloc::string::String,
+    /// Virtual triangles.
+    #[prost(message, optional, tag = "5")]
+    pub filling: ::core::option::Option<ChartFilling>,
+    /// Vertices that were pinned, of the imported mesh; empty for methods without pins.
+    #[prost(uint32, repeated, tag = "6")]
+    pub pins: ::prost::alloc::vec::Vec<u32>,
+    /// Faces that were clockwise or flat in the plane as the map came from the solver.
+    #[prost(uint32, tag = "7")]
+    pub flipped_before: u32,
 }
-/// Distortion of a chart over its faces.
+/// Smallest, mean (weighted with the areas on the surface) and largest value over the faces of a chart.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct Spread {
+    /// Smallest value.
+    #[prost(double, tag = "1")]
+    pub min: f64,
+    /// Mean value.
+    #[prost(double, tag = "2")]
+    pub mean: f64,
+    /// Largest value.
+    #[prost(double, tag = "3")]
+    pub max: f64,
+}
+/// Distortion of a chart over its faces, with equal total areas in the plane and on the surface, by the singular values a >= b of the
+/// map of each face. Faces without area on the surface are left out.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
 pub struct Distortion {
-    /// Ratio of the singular values of the map, area-weighted mean; 1 is conformal.
+    /// Mean of a / b; 1 is conformal.
     #[prost(double, tag = "1")]
     pub angle_mean: f64,
     /// Its maximum.
     #[prost(double, tag = "2")]
     pub angle_max: f64,
-    /// Smallest ratio of chart area to surface area, with equal total areas.
+    /// Smallest ratio a b of chart area to surface area.
     #[prost(double, tag = "3")]
     pub area_min: f64,
     /// Largest such ratio.
     #[prost(double, tag = "4")]
     pub area_max: f64,
+    /// a / b; 1 is conformal.
+    #[prost(message, optional, tag = "5")]
+    pub angle: ::core::option::Option<Spread>,
+    /// a b; 1 keeps the area.
+    #[prost(message, optional, tag = "6")]
+    pub area: ::core::option::Option<Spread>,
+    /// Root mean square of 1/a and 1/b; 1 everywhere is isometric.
+    #[prost(message, optional, tag = "7")]
+    pub stretch: ::core::option::Option<Spread>,
 }
 /// The numbers of one chart.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -1236,7 +1546,7 @@ pub struct ChartSummary {
     /// Number of the patch.
     #[prost(uint32, tag = "1")]
     pub patch: u32,
-    /// The method that was taken.
+    /// The method that was taken (in a preview that is not usable: the last one tried).
     #[prost(enumeration = "ChartMethod", tag = "2")]
     pub method: i32,
     /// What was tried, in order.
@@ -1245,12 +1555,31 @@ pub struct ChartSummary {
     /// Its distortion.
     #[prost(message, optional, tag = "4")]
     pub distortion: ::core::option::Option<Distortion>,
-    /// Vertices.
+    /// Vertices of the patch.
     #[prost(uint64, tag = "5")]
     pub vertices: u64,
-    /// Faces.
+    /// Faces of the patch.
     #[prost(uint64, tag = "6")]
     pub faces: u64,
+    /// Whose spec it follows; not told in a preview.
+    #[prost(enumeration = "ChartSpecOrigin", tag = "7")]
+    pub origin: i32,
+}
+/// What is wrong with the own chart spec of a patch.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct ChartError {
+    /// Number of the patch.
+    #[prost(uint32, tag = "1")]
+    pub patch: u32,
+    /// Stable reason, as in `google.rpc.ErrorInfo`.
+    #[prost(string, tag = "2")]
+    pub reason: ::prost::alloc::string::String,
+    /// What happened, and what to do about it.
+    #[prost(string, tag = "3")]
+    pub message: ::prost::alloc::string::String,
+    /// Where.
+    #[prost(message, optional, tag = "4")]
+    pub locations: ::core::option::Option<GeometryLocations>,
 }
 /// Request of ParametrizePatches.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
@@ -1280,6 +1609,9 @@ pub struct ParametrizeResult {
     /// How many splits of patches it took until all had a chart.
     #[prost(uint32, tag = "4")]
     pub splits: u32,
+    /// Patches (of those asked for) without a chart because of their own spec. A remesh fails with the first of all of them.
+    #[prost(message, repeated, tag = "5")]
+    pub failures: ::prost::alloc::vec::Vec<ChartError>,
 }
 /// Response of ParametrizePatches: progress, then the result.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -1314,7 +1646,8 @@ pub struct ReadChartDataRequest {
     /// Number of the patch.
     #[prost(uint32, tag = "3")]
     pub patch: u32,
-    /// The columns wanted, among UV, TRIANGLES (local), SOURCE_VERTEX and SOURCE_FACE. Empty: UV and TRIANGLES.
+    /// The columns wanted, among UV, POSITIONS and TRIANGLES (local), SOURCE_VERTEX, SOURCE_FACE, FACE_ANGLE_DISTORTION,
+    /// FACE_AREA_DISTORTION, FACE_STRETCH and FACE_FLIPPED. Empty: UV and TRIANGLES.
     #[prost(enumeration = "DataColumn", repeated, tag = "4")]
     pub columns: ::prost::alloc::vec::Vec<i32>,
 }
@@ -1349,6 +1682,285 @@ pub mod read_chart_data_response {
         Chunk(super::DataChunk),
     }
 }
+/// Request of GetPatchChart.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct GetPatchChartRequest {
+    /// Required. `sessions/{id}`.
+    #[prost(string, tag = "1")]
+    pub session: ::prost::alloc::string::String,
+    /// ABORTED if the session is at another revision. Not set: whichever is current.
+    #[prost(uint64, optional, tag = "2")]
+    pub expected_revision: ::core::option::Option<u64>,
+    /// Number of the patch.
+    #[prost(uint32, tag = "3")]
+    pub patch: u32,
+}
+/// Response of GetPatchChart.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct GetPatchChartResponse {
+    /// The revision.
+    #[prost(uint64, tag = "1")]
+    pub revision: u64,
+    /// The spec that the patch follows, defaults filled in.
+    #[prost(message, optional, tag = "2")]
+    pub spec: ::core::option::Option<ChartSpec>,
+    /// Whose it is.
+    #[prost(enumeration = "ChartSpecOrigin", tag = "3")]
+    pub origin: i32,
+    /// What ran.
+    #[prost(message, optional, tag = "6")]
+    pub run: ::core::option::Option<RunSummary>,
+    #[prost(oneof = "get_patch_chart_response::Chart", tags = "4, 5")]
+    pub chart: ::core::option::Option<get_patch_chart_response::Chart>,
+}
+/// Nested message and enum types in `GetPatchChartResponse`.
+pub mod get_patch_chart_response {
+    #[derive(Clone, PartialEq, ::prost::Oneof)]
+    pub enum Chart {
+        /// Its chart.
+        #[prost(message, tag = "4")]
+        Summary(super::ChartSummary),
+        /// Why it has none.
+        #[prost(message, tag = "5")]
+        Error(super::ChartError),
+    }
+}
+/// Request of UpdatePatchChart.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct UpdatePatchChartRequest {
+    /// Required. `sessions/{id}`.
+    #[prost(string, tag = "1")]
+    pub session: ::prost::alloc::string::String,
+    /// The revision that the number and the spec were made for. Not set: whichever is current. ABORTED if the session is, or gets while
+    /// this call is on, to another one.
+    #[prost(uint64, optional, tag = "2")]
+    pub base_revision: ::core::option::Option<u64>,
+    /// Number of the patch.
+    #[prost(uint32, tag = "3")]
+    pub patch: u32,
+    /// Required. The spec.
+    #[prost(message, optional, tag = "4")]
+    pub spec: ::core::option::Option<ChartSpec>,
+    /// Which parts of `spec` replace those of the spec that the patch follows: `method`, `outer_vertex`, `holes`, `pins`, `boundary`,
+    /// `boundary.shape`, `boundary.spacing`, `boundary.start_vertex`, or `*` for all. A part that is named and not set goes back to its
+    /// default. Empty: all.
+    #[prost(message, optional, tag = "5")]
+    pub update_mask: ::core::option::Option<::prost_types::FieldMask>,
+}
+/// Response of UpdatePatchChart.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct UpdatePatchChartResponse {
+    /// The new revision.
+    #[prost(uint64, tag = "1")]
+    pub revision: u64,
+    /// The spec of the patch, defaults filled in.
+    #[prost(message, optional, tag = "2")]
+    pub spec: ::core::option::Option<ChartSpec>,
+}
+/// Request of ResetPatchChart.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct ResetPatchChartRequest {
+    /// Required. `sessions/{id}`.
+    #[prost(string, tag = "1")]
+    pub session: ::prost::alloc::string::String,
+    /// As in UpdatePatchChart.
+    #[prost(uint64, optional, tag = "2")]
+    pub base_revision: ::core::option::Option<u64>,
+    /// Number of the patch.
+    #[prost(uint32, tag = "3")]
+    pub patch: u32,
+}
+/// Response of ResetPatchChart.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct ResetPatchChartResponse {
+    /// The revision.
+    #[prost(uint64, tag = "1")]
+    pub revision: u64,
+    /// The spec of the session, which the patch follows now.
+    #[prost(message, optional, tag = "2")]
+    pub spec: ::core::option::Option<ChartSpec>,
+}
+/// Request of PreviewPatchChart.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct PreviewPatchChartRequest {
+    /// Required. `sessions/{id}`.
+    #[prost(string, tag = "1")]
+    pub session: ::prost::alloc::string::String,
+    /// ABORTED if the session is at another revision. Not set: whichever is current.
+    #[prost(uint64, optional, tag = "2")]
+    pub expected_revision: ::core::option::Option<u64>,
+    /// Number of the patch.
+    #[prost(uint32, tag = "3")]
+    pub patch: u32,
+    /// Required. The spec to try.
+    #[prost(message, optional, tag = "4")]
+    pub spec: ::core::option::Option<ChartSpec>,
+    /// As in UpdatePatchChart.
+    #[prost(message, optional, tag = "5")]
+    pub update_mask: ::core::option::Option<::prost_types::FieldMask>,
+    /// As in ReadChartData.
+    #[prost(enumeration = "DataColumn", repeated, tag = "6")]
+    pub columns: ::prost::alloc::vec::Vec<i32>,
+}
+/// What is told before the columns of a preview.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct ChartPreviewHeader {
+    /// The numbers of the last map that was tried.
+    #[prost(message, optional, tag = "1")]
+    pub chart: ::core::option::Option<ChartSummary>,
+    /// What to make of it.
+    #[prost(enumeration = "ChartVerdict", tag = "2")]
+    pub verdict: i32,
+    /// Why it is not usable; not set if it is.
+    #[prost(message, optional, tag = "3")]
+    pub error: ::core::option::Option<ChartError>,
+    /// Whether there is a map. If none could be computed, the columns UV, FACE\_\* are empty.
+    #[prost(bool, tag = "4")]
+    pub has_map: bool,
+    /// The spec that was tried, defaults filled in.
+    #[prost(message, optional, tag = "5")]
+    pub spec: ::core::option::Option<ChartSpec>,
+    /// What ran.
+    #[prost(message, optional, tag = "6")]
+    pub summary: ::core::option::Option<RunSummary>,
+}
+/// Response of PreviewPatchChart: the header first, then the columns.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct PreviewPatchChartResponse {
+    /// The revision.
+    #[prost(uint64, tag = "1")]
+    pub revision: u64,
+    #[prost(oneof = "preview_patch_chart_response::Part", tags = "2, 3")]
+    pub part: ::core::option::Option<preview_patch_chart_response::Part>,
+}
+/// Nested message and enum types in `PreviewPatchChartResponse`.
+pub mod preview_patch_chart_response {
+    #[derive(Clone, PartialEq, ::prost::Oneof)]
+    pub enum Part {
+        /// The first message.
+        #[prost(message, tag = "2")]
+        Header(super::ChartPreviewHeader),
+        /// A piece of a column.
+        #[prost(message, tag = "3")]
+        Chunk(super::DataChunk),
+    }
+}
+/// A spec to try on a patch.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct ChartProposal {
+    /// Number of the patch.
+    #[prost(uint32, tag = "1")]
+    pub patch: u32,
+    /// Required. The spec.
+    #[prost(message, optional, tag = "2")]
+    pub spec: ::core::option::Option<ChartSpec>,
+    /// As in UpdatePatchChart.
+    #[prost(message, optional, tag = "3")]
+    pub update_mask: ::core::option::Option<::prost_types::FieldMask>,
+}
+/// Request of PlanCharts.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct PlanChartsRequest {
+    /// Required. `sessions/{id}`.
+    #[prost(string, tag = "1")]
+    pub session: ::prost::alloc::string::String,
+    /// ABORTED if the session is at another revision. Not set: whichever is current.
+    #[prost(uint64, optional, tag = "2")]
+    pub expected_revision: ::core::option::Option<u64>,
+    /// Plan the preview of this, rather than the charts of all patches.
+    #[prost(message, optional, tag = "3")]
+    pub preview: ::core::option::Option<ChartProposal>,
+}
+/// Response of PlanCharts.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct PlanChartsResponse {
+    /// The revision.
+    #[prost(uint64, tag = "1")]
+    pub revision: u64,
+    /// The stages, in the order of the pipeline, as far as they are known: patches of a partition that is not cached cannot be listed,
+    /// nor a preview before all charts are.
+    #[prost(message, repeated, tag = "2")]
+    pub stages: ::prost::alloc::vec::Vec<PlannedStage>,
+    /// How many are cached.
+    #[prost(uint32, tag = "3")]
+    pub hits: u32,
+    /// How many would run.
+    #[prost(uint32, tag = "4")]
+    pub runs: u32,
+    /// Sum of the estimates.
+    #[prost(double, tag = "5")]
+    pub estimated_milliseconds: f64,
+}
+/// Whose spec a patch follows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum ChartSpecOrigin {
+    /// Not told.
+    Unspecified = 0,
+    /// That of the session.
+    Session = 1,
+    /// Its own.
+    Patch = 2,
+}
+impl ChartSpecOrigin {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "CHART_SPEC_ORIGIN_UNSPECIFIED",
+            Self::Session => "CHART_SPEC_ORIGIN_SESSION",
+            Self::Patch => "CHART_SPEC_ORIGIN_PATCH",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "CHART_SPEC_ORIGIN_UNSPECIFIED" => Some(Self::Unspecified),
+            "CHART_SPEC_ORIGIN_SESSION" => Some(Self::Session),
+            "CHART_SPEC_ORIGIN_PATCH" => Some(Self::Patch),
+            _ => None,
+        }
+    }
+}
+/// Whether a chart can be used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum ChartVerdict {
+    /// Never sent.
+    Unspecified = 0,
+    /// One-to-one and even enough.
+    Usable = 1,
+    /// Nothing is wrong with the spec, but the patch must be split first.
+    MustSplit = 2,
+    /// The method asked for gives no one-to-one map: as the spec of a session or patch it would be an error.
+    Refused = 3,
+}
+impl ChartVerdict {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "CHART_VERDICT_UNSPECIFIED",
+            Self::Usable => "CHART_VERDICT_USABLE",
+            Self::MustSplit => "CHART_VERDICT_MUST_SPLIT",
+            Self::Refused => "CHART_VERDICT_REFUSED",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "CHART_VERDICT_UNSPECIFIED" => Some(Self::Unspecified),
+            "CHART_VERDICT_USABLE" => Some(Self::Usable),
+            "CHART_VERDICT_MUST_SPLIT" => Some(Self::MustSplit),
+            "CHART_VERDICT_REFUSED" => Some(Self::Refused),
+            _ => None,
+        }
+    }
+}
 /// Generated client implementations.
 pub mod chart_service_client {
     #![allow(
@@ -1360,7 +1972,9 @@ pub mod chart_service_client {
     )]
     use tonic::codegen::*;
     use tonic::codegen::http::Uri;
-    /// Charts: the maps of the patches to the plane.
+    /// Charts: the maps of the patches to the plane. Every patch follows the chart spec of the session or one of its own. An own spec
+    /// belongs to the faces of the patch, not to its number: it stays when patches are renumbered, and waits if an edit of the partition
+    /// takes the patch away. A patch with its own spec is never split for want of a chart.
     #[derive(Debug, Clone)]
     pub struct ChartServiceClient<T> {
         inner: tonic::client::Grpc<T>,
@@ -1493,6 +2107,134 @@ pub mod chart_service_client {
                 .insert(GrpcMethod::new("remesh.v1.ChartService", "ReadChartData"));
             self.inner.server_streaming(req, path, codec).await
         }
+        /// Tells the spec that a patch follows, and its chart or what is wrong with it. Computes the charts if they are not cached.
+        pub async fn get_patch_chart(
+            &mut self,
+            request: impl tonic::IntoRequest<super::GetPatchChartRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::GetPatchChartResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.ChartService/GetPatchChart",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.ChartService", "GetPatchChart"));
+            self.inner.unary(req, path, codec).await
+        }
+        /// Gives a patch a chart spec of its own, or changes it. Makes a revision. Computes the charts of the former revision if they are
+        /// not cached (a number is a patch only there), but not the new chart: ReadChartData or PreviewPatchChart do.
+        /// INVALID_ARGUMENT for a spec that contradicts itself or names a vertex outside of the patch, or an unknown path of the mask.
+        pub async fn update_patch_chart(
+            &mut self,
+            request: impl tonic::IntoRequest<super::UpdatePatchChartRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::UpdatePatchChartResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.ChartService/UpdatePatchChart",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.ChartService", "UpdatePatchChart"));
+            self.inner.unary(req, path, codec).await
+        }
+        /// Takes the own spec of a patch back, so that it follows that of the session. Makes a revision, unless it had none.
+        pub async fn reset_patch_chart(
+            &mut self,
+            request: impl tonic::IntoRequest<super::ResetPatchChartRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::ResetPatchChartResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.ChartService/ResetPatchChart",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.ChartService", "ResetPatchChart"));
+            self.inner.unary(req, path, codec).await
+        }
+        /// Reads the chart that a patch would have under another spec, as packed arrays. Changes nothing; what it computes is in the cache
+        /// for UpdatePatchChart with the same spec. A map that is not one-to-one is no error: it is delivered with its verdict.
+        pub async fn preview_patch_chart(
+            &mut self,
+            request: impl tonic::IntoRequest<super::PreviewPatchChartRequest>,
+        ) -> std::result::Result<
+            tonic::Response<tonic::codec::Streaming<super::PreviewPatchChartResponse>>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.ChartService/PreviewPatchChart",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.ChartService", "PreviewPatchChart"));
+            self.inner.server_streaming(req, path, codec).await
+        }
+        /// Tells what the charts, or the preview of one, would find in the cache and what they would compute. Computes nothing.
+        pub async fn plan_charts(
+            &mut self,
+            request: impl tonic::IntoRequest<super::PlanChartsRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::PlanChartsResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.ChartService/PlanCharts",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.ChartService", "PlanCharts"));
+            self.inner.unary(req, path, codec).await
+        }
     }
 }
 /// Generated server implementations.
@@ -1541,8 +2283,62 @@ pub mod chart_service_server {
             tonic::Response<Self::ReadChartDataStream>,
             tonic::Status,
         >;
+        /// Tells the spec that a patch follows, and its chart or what is wrong with it. Computes the charts if they are not cached.
+        async fn get_patch_chart(
+            &self,
+            request: tonic::Request<super::GetPatchChartRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::GetPatchChartResponse>,
+            tonic::Status,
+        >;
+        /// Gives a patch a chart spec of its own, or changes it. Makes a revision. Computes the charts of the former revision if they are
+        /// not cached (a number is a patch only there), but not the new chart: ReadChartData or PreviewPatchChart do.
+        /// INVALID_ARGUMENT for a spec that contradicts itself or names a vertex outside of the patch, or an unknown path of the mask.
+        async fn update_patch_chart(
+            &self,
+            request: tonic::Request<super::UpdatePatchChartRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::UpdatePatchChartResponse>,
+            tonic::Status,
+        >;
+        /// Takes the own spec of a patch back, so that it follows that of the session. Makes a revision, unless it had none.
+        async fn reset_patch_chart(
+            &self,
+            request: tonic::Request<super::ResetPatchChartRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::ResetPatchChartResponse>,
+            tonic::Status,
+        >;
+        /// Server streaming response type for the PreviewPatchChart method.
+        type PreviewPatchChartStream: tonic::codegen::tokio_stream::Stream<
+                Item = std::result::Result<
+                    super::PreviewPatchChartResponse,
+                    tonic::Status,
+                >,
+            >
+            + std::marker::Send
+            + 'static;
+        /// Reads the chart that a patch would have under another spec, as packed arrays. Changes nothing; what it computes is in the cache
+        /// for UpdatePatchChart with the same spec. A map that is not one-to-one is no error: it is delivered with its verdict.
+        async fn preview_patch_chart(
+            &self,
+            request: tonic::Request<super::PreviewPatchChartRequest>,
+        ) -> std::result::Result<
+            tonic::Response<Self::PreviewPatchChartStream>,
+            tonic::Status,
+        >;
+        /// Tells what the charts, or the preview of one, would find in the cache and what they would compute. Computes nothing.
+        async fn plan_charts(
+            &self,
+            request: tonic::Request<super::PlanChartsRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::PlanChartsResponse>,
+            tonic::Status,
+        >;
     }
-    /// Charts: the maps of the patches to the plane.
+    /// Charts: the maps of the patches to the plane. Every patch follows the chart spec of the session or one of its own. An own spec
+    /// belongs to the faces of the patch, not to its number: it stays when patches are renumbered, and waits if an edit of the partition
+    /// takes the patch away. A patch with its own spec is never split for want of a chart.
     #[derive(Debug)]
     pub struct ChartServiceServer<T> {
         inner: Arc<T>,
@@ -1709,6 +2505,236 @@ pub mod chart_service_server {
                                 max_encoding_message_size,
                             );
                         let res = grpc.server_streaming(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/remesh.v1.ChartService/GetPatchChart" => {
+                    #[allow(non_camel_case_types)]
+                    struct GetPatchChartSvc<T: ChartService>(pub Arc<T>);
+                    impl<
+                        T: ChartService,
+                    > tonic::server::UnaryService<super::GetPatchChartRequest>
+                    for GetPatchChartSvc<T> {
+                        type Response = super::GetPatchChartResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::GetPatchChartRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as ChartService>::get_patch_chart(&inner, request).await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = GetPatchChartSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/remesh.v1.ChartService/UpdatePatchChart" => {
+                    #[allow(non_camel_case_types)]
+                    struct UpdatePatchChartSvc<T: ChartService>(pub Arc<T>);
+                    impl<
+                        T: ChartService,
+                    > tonic::server::UnaryService<super::UpdatePatchChartRequest>
+                    for UpdatePatchChartSvc<T> {
+                        type Response = super::UpdatePatchChartResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::UpdatePatchChartRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as ChartService>::update_patch_chart(&inner, request)
+                                    .await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = UpdatePatchChartSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/remesh.v1.ChartService/ResetPatchChart" => {
+                    #[allow(non_camel_case_types)]
+                    struct ResetPatchChartSvc<T: ChartService>(pub Arc<T>);
+                    impl<
+                        T: ChartService,
+                    > tonic::server::UnaryService<super::ResetPatchChartRequest>
+                    for ResetPatchChartSvc<T> {
+                        type Response = super::ResetPatchChartResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::ResetPatchChartRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as ChartService>::reset_patch_chart(&inner, request)
+                                    .await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = ResetPatchChartSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/remesh.v1.ChartService/PreviewPatchChart" => {
+                    #[allow(non_camel_case_types)]
+                    struct PreviewPatchChartSvc<T: ChartService>(pub Arc<T>);
+                    impl<
+                        T: ChartService,
+                    > tonic::server::ServerStreamingService<
+                        super::PreviewPatchChartRequest,
+                    > for PreviewPatchChartSvc<T> {
+                        type Response = super::PreviewPatchChartResponse;
+                        type ResponseStream = T::PreviewPatchChartStream;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::ResponseStream>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::PreviewPatchChartRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as ChartService>::preview_patch_chart(&inner, request)
+                                    .await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = PreviewPatchChartSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.server_streaming(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/remesh.v1.ChartService/PlanCharts" => {
+                    #[allow(non_camel_case_types)]
+                    struct PlanChartsSvc<T: ChartService>(pub Arc<T>);
+                    impl<
+                        T: ChartService,
+                    > tonic::server::UnaryService<super::PlanChartsRequest>
+                    for PlanChartsSvc<T> {
+                        type Response = super::PlanChartsResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::PlanChartsRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as ChartService>::plan_charts(&inner, request).await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = PlanChartsSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
                         Ok(res)
                     };
                     Box::pin(fut)
@@ -1911,7 +2937,7 @@ pub mod change {
         /// How to partition.
         #[prost(message, tag = "2")]
         Partition(super::PartitionSpec),
-        /// Which charts.
+        /// Which charts, for patches without a spec of their own (ChartService.UpdatePatchChart). Must not name vertices.
         #[prost(message, tag = "3")]
         Charts(super::ChartSpec),
         /// Which edge lengths.
@@ -4967,25 +5993,6 @@ pub mod remesh_surface_response {
         #[prost(message, tag = "3")]
         Result(super::RemeshResult),
     }
-}
-/// A stage of a plan.
-#[derive(Clone, PartialEq, ::prost::Message)]
-pub struct PlannedStage {
-    /// The stage, as in `StageRecord`.
-    #[prost(string, tag = "1")]
-    pub stage: ::prost::alloc::string::String,
-    /// What it works on.
-    #[prost(string, tag = "2")]
-    pub subject: ::prost::alloc::string::String,
-    /// HIT if its output is cached, RUN if it would be computed.
-    #[prost(enumeration = "StageOutcome", tag = "3")]
-    pub outcome: i32,
-    /// For RUN the mean of what this stage took before, 0 if it never ran; for HIT 0.
-    #[prost(double, tag = "4")]
-    pub estimated_milliseconds: f64,
-    /// For HIT the size of its output in memory.
-    #[prost(uint64, tag = "5")]
-    pub bytes: u64,
 }
 /// Request of PlanRemesh.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]

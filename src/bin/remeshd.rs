@@ -112,22 +112,28 @@ fn start_log(arguments: &Arguments) -> Result<(), String> {
     Ok(())
 }
 
-/// Resolves at SIGTERM or SIGINT.
-async fn stop_signal() {
+/// Catches signals from now on; the future resolves at SIGTERM or SIGINT.
+fn stop_signal() -> impl Future<Output = ()> {
     use tokio::signal::unix::{SignalKind, signal};
-    let (Ok(mut terminate), Ok(mut interrupt)) = (signal(SignalKind::terminate()), signal(SignalKind::interrupt())) else {
-        tracing::error!("signals cannot be caught; the daemon will not drain when it is stopped");
-        return std::future::pending().await;
-    };
-    tokio::select! {
-        _ = terminate.recv() => tracing::info!("SIGTERM"),
-        _ = interrupt.recv() => tracing::info!("SIGINT"),
+    let signals = signal(SignalKind::terminate()).and_then(|terminate| Ok((terminate, signal(SignalKind::interrupt())?)));
+    async {
+        let (mut terminate, mut interrupt) = match signals {
+            Ok(signals) => signals,
+            Err(error) => {
+                tracing::error!(%error, "signals cannot be caught; the daemon will not drain when it is stopped");
+                return std::future::pending().await;
+            }
+        };
+        tokio::select! {
+            _ = terminate.recv() => tracing::info!("SIGTERM"),
+            _ = interrupt.recv() => tracing::info!("SIGINT"),
+        }
     }
 }
 
 async fn run(arguments: &Arguments) -> Result<(), String> {
-    // Caught from here on, so that a signal right after the start drains too.
-    let stop = tokio::spawn(stop_signal());
+    // Caught before the address is told, so that a signal right after it drains too.
+    let stop = stop_signal();
     let listener = TcpListener::bind(arguments.listen).await.map_err(|error| format!("cannot listen on {}: {error}", arguments.listen))?;
     let address = listener.local_addr().map_err(|error| format!("the socket has no address: {error}"))?;
     let config = config_of(arguments);
@@ -135,10 +141,7 @@ async fn run(arguments: &Arguments) -> Result<(), String> {
     if !address.ip().is_loopback() {
         tracing::warn!(%address, "the daemon has no authentication and is reachable from other machines");
     }
-    let stopped = async {
-        let _ = stop.await;
-    };
-    serve(listener, config, stopped).await.map_err(|error| error.to_string())?;
+    serve(listener, config, stop).await.map_err(|error| error.to_string())?;
     tracing::info!("stopped");
     Ok(())
 }

@@ -1,10 +1,10 @@
-//! Bulk data as plain arrays: a mesh with its columns, a chart in the plane.
+//! Bulk data as plain arrays: columns in pieces put together, and a mesh with its columns.
 
 use crate::connection::Client;
 use crate::error::{ClientError, Result};
 use bytes::Bytes;
 use remesh_proto::v1;
-use v1::{DataColumn, read_chart_data_response, read_mesh_data_response};
+use v1::{DataColumn, read_mesh_data_response};
 
 /// Which columns besides positions and triangles are read. Patches and features of the input cost a partition if it is not cached.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -58,27 +58,12 @@ pub struct MeshData {
     pub unit: v1::LengthUnit,
 }
 
-/// A chart: the map of one patch to the plane.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct ChartData {
-    /// Its numbers.
-    pub summary: v1::ChartSummary,
-    /// Place of each local vertex in the plane.
-    pub uv: Vec<[f64; 2]>,
-    /// Local vertices of each face.
-    pub triangles: Vec<[u32; 3]>,
-    /// Vertex of the imported mesh for each local vertex.
-    pub source_vertex: Vec<u32>,
-    /// Face of the imported mesh for each local face.
-    pub source_face: Vec<u32>,
-}
-
 /// The bytes of the columns as they come in.
 #[derive(Default)]
-struct Columns(Vec<(DataColumn, Vec<u8>)>);
+pub(crate) struct Columns(Vec<(DataColumn, Vec<u8>)>);
 
 impl Columns {
-    fn push(&mut self, chunk: &v1::DataChunk) -> Result<()> {
+    pub(crate) fn push(&mut self, chunk: &v1::DataChunk) -> Result<()> {
         let column = chunk.column();
         let index = match self.0.iter().position(|(c, _)| *c == column) {
             Some(index) => index,
@@ -96,7 +81,7 @@ impl Columns {
     }
 
     /// The rows of a column; `count` rows are announced for it.
-    fn take<const N: usize, T: Scalar>(&mut self, column: DataColumn, count: u64) -> Result<Vec<[T; N]>> {
+    pub(crate) fn take<const N: usize, T: Scalar>(&mut self, column: DataColumn, count: u64) -> Result<Vec<[T; N]>> {
         let bytes = self.0.iter_mut().find(|(c, _)| *c == column).map(|(_, data)| std::mem::take(data)).unwrap_or_default();
         let rows = rows(&bytes);
         if rows.len() as u64 != count || bytes.len() as u64 != count * (N * T::BYTES) as u64 {
@@ -105,12 +90,12 @@ impl Columns {
         Ok(rows)
     }
 
-    fn take_flat<T: Scalar>(&mut self, column: DataColumn, count: u64) -> Result<Vec<T>> {
+    pub(crate) fn take_flat<T: Scalar>(&mut self, column: DataColumn, count: u64) -> Result<Vec<T>> {
         Ok(self.take::<1, T>(column, count)?.into_iter().map(|[value]| value).collect())
     }
 }
 
-trait Scalar: Copy + Default {
+pub(crate) trait Scalar: Copy + Default {
     const BYTES: usize;
     fn read(bytes: &[u8]) -> Self;
 }
@@ -152,7 +137,7 @@ pub fn pack_u32(values: &[u32]) -> Bytes {
 }
 
 /// Every index must name one of `count` things, so that whoever uses the arrays may index without checks.
-fn check_indices<'a>(indices: impl IntoIterator<Item = &'a u32>, count: usize, what: &str) -> Result<()> {
+pub(crate) fn check_indices<'a>(indices: impl IntoIterator<Item = &'a u32>, count: usize, what: &str) -> Result<()> {
     match indices.into_iter().find(|&&index| index as usize >= count) {
         Some(index) => Err(ClientError::protocol(format!("{what} {index} of {count}"))),
         None => Ok(()),
@@ -182,31 +167,6 @@ impl Client {
         }
         mesh_of(first.revision, header, columns, data)
     }
-
-    /// Reads the chart of a patch.
-    ///
-    /// # Errors
-    /// `PATCH_NOT_FOUND`, those of [`Client::parametrize`].
-    pub async fn read_chart(&self, session: &str, patch: u32) -> Result<ChartData> {
-        use read_chart_data_response::Part;
-        let columns = [DataColumn::Uv, DataColumn::Triangles, DataColumn::SourceVertex, DataColumn::SourceFace];
-        let request = v1::ReadChartDataRequest {
-            session: session.to_owned(),
-            expected_revision: None,
-            patch,
-            columns: columns.map(i32::from).to_vec(),
-        };
-        let mut stream = self.charts().read_chart_data(request).await?.into_inner();
-        let Some(Part::Header(header)) = stream.message().await?.and_then(|m| m.part) else {
-            return Err(ClientError::protocol("chart data without a header"));
-        };
-        let mut data = Columns::default();
-        while let Some(message) = stream.message().await? {
-            let Some(Part::Chunk(chunk)) = message.part else { return Err(ClientError::protocol("chart data with a second header")) };
-            data.push(&chunk)?;
-        }
-        chart_of(header.chart.unwrap_or_default(), data)
-    }
 }
 
 fn mesh_of(revision: u64, header: v1::MeshDataHeader, columns: MeshColumns, mut data: Columns) -> Result<MeshData> {
@@ -228,19 +188,6 @@ fn mesh_of(revision: u64, header: v1::MeshDataHeader, columns: MeshColumns, mut 
     // A surface without named regions has one region, whether or not the table has an entry for it.
     check_indices(&mesh.region, mesh.regions.len().max(1), "a face names region")?;
     Ok(mesh)
-}
-
-fn chart_of(summary: v1::ChartSummary, mut data: Columns) -> Result<ChartData> {
-    let (vertices, faces) = (summary.vertices, summary.faces);
-    let chart = ChartData {
-        uv: data.take(DataColumn::Uv, vertices)?,
-        triangles: data.take(DataColumn::Triangles, faces)?,
-        source_vertex: data.take_flat(DataColumn::SourceVertex, vertices)?,
-        source_face: data.take_flat(DataColumn::SourceFace, faces)?,
-        summary,
-    };
-    check_indices(chart.triangles.iter().flatten(), chart.uv.len(), "a triangle names vertex")?;
-    Ok(chart)
 }
 
 #[cfg(test)]

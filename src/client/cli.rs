@@ -1,6 +1,7 @@
 //! The program `remesh`: parses the command line, connects, runs one command, tells the result.
 
 mod args;
+mod charts;
 mod context;
 mod failure;
 mod files;
@@ -14,7 +15,7 @@ mod steps;
 mod summary;
 mod ui;
 
-use args::{Cli, Command, GlobalArgs};
+use args::{ChartVerb, Cli, Command, GlobalArgs};
 use clap::{CommandFactory, Parser};
 use context::Context;
 use failure::{Failure, Outcome, exit};
@@ -111,7 +112,8 @@ where
 /// Verbs that only make sense on a session that outlives the process.
 fn needs_daemon(command: &Command) -> bool {
     match command {
-        Command::Session(_) | Command::Import(_) | Command::Set(_) | Command::Partition(_) | Command::Chart(_) => true,
+        Command::Session(_) | Command::Import(_) | Command::Set(_) | Command::Partition(_) => true,
+        Command::Chart(args) => args.verb.is_some() || args.all.target.as_deref().is_some_and(args::names_session),
         Command::Remesh(_) | Command::Plan(_) | Command::Export(_) | Command::Rollback(_) => true,
         Command::Quality(args) => args.session.is_some(),
         Command::Diagnose(args) => args.session.is_some(),
@@ -141,10 +143,18 @@ async fn execute(context: &Context, command: &Command) -> Outcome<u8> {
         }
         Command::Status => answer(inspect::status(context).await?),
         Command::Session(args) => answer(steps::session(context, &args.verb).await?),
-        Command::Import(args) => answer(steps::import(context, args).await?),
-        Command::Set(args) => answer(steps::set(context, args).await?),
+        Command::Import(args) => done(steps::import(context, args).await?),
+        Command::Set(args) => done(steps::set(context, args).await?),
         Command::Partition(name) => answer(steps::partition(context, &name.session).await?),
-        Command::Chart(args) => answer(steps::chart(context, args).await?),
+        Command::Chart(args) => {
+            let (report, code) = match &args.verb {
+                Some(verb) => charts::verb(context, verb).await?,
+                None => charts::all(context, &args.all).await?,
+            };
+            let is_answer = !matches!(args.verb, Some(ChartVerb::Set { .. } | ChartVerb::Reset(_)));
+            context.ui.report(&report, is_answer);
+            Ok(code)
+        }
         Command::Remesh(args) => answer(steps::remesh(context, args).await?),
         Command::Plan(name) => answer(steps::plan(context, &name.session).await?),
         Command::Export(args) => done(steps::export(context, args).await?),

@@ -33,6 +33,7 @@
 
 mod arrays;
 mod calls;
+mod charts;
 mod connection;
 mod error;
 mod transfer;
@@ -40,7 +41,8 @@ mod transfer;
 #[cfg(feature = "cli")]
 pub mod cli;
 
-pub use arrays::{ChartData, MeshColumns, MeshData, pack_f64, pack_u32};
+pub use arrays::{MeshColumns, MeshData, pack_f64, pack_u32};
+pub use charts::{ChartData, ChartEdit, ChartPreview, FaceDistortion};
 pub use connection::{Client, MAX_MESSAGE_BYTES};
 pub use error::{CallError, ClientError, FieldError, Place, PlaceElement, Result};
 pub use remesh_proto::v1;

@@ -10,6 +10,7 @@ mod conformal;
 mod dirichlet;
 mod domain;
 mod ears;
+mod faces;
 mod frame;
 mod hole;
 mod map;
@@ -25,6 +26,7 @@ mod system;
 mod validity;
 
 pub use choose::{candidate_maps, conclude, next_map};
+pub use faces::face_distortion;
 pub use map::{
     BoundaryFactor, Family, MAX_SCALE_VARIATION, MapSpec, MapVerdict, ProblemSpec, SolvedMap, factor_boundary, solve_map, unsolved_map,
 };
@@ -74,7 +76,10 @@ fn parametrize_planned(patch: &Patch, system: &ChartSystem, spec: &ChartSpec, wo
         };
         tried.push(Box::new(solved));
     }
-    conclude(patch, spec, &tried)
+    match conclude(patch, spec, &tried) {
+        ChartOutcome::Refused(error) => Err(error),
+        outcome => Ok(outcome),
+    }
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use crate::error::{EngineError, Reason, Result};
 use crate::features::Features;
 use crate::import::{ImportOptions, Imported};
 use crate::optimize::Remeshed;
-use crate::parametrize::{Chart, ChartAttempt, ChartOutcome, ChartSpec, Distortion, SolvedMap};
+use crate::parametrize::{Chart, ChartAttempt, ChartOutcome, ChartSpec, Distortion};
 use crate::partition::Partition;
 use crate::planar::LiftedPatch;
 use crate::quality::{QualityReport, QualityScope};
@@ -134,7 +134,7 @@ impl Charts {
     pub fn chart(&self, patch: usize) -> Option<&Chart> {
         match &*self.charts.get(patch)?.value {
             ChartOutcome::Mapped(chart) => Some(chart),
-            ChartOutcome::MustSplit { .. } => None,
+            ChartOutcome::MustSplit { .. } | ChartOutcome::Refused(_) => None,
         }
     }
 }
@@ -231,24 +231,20 @@ pub fn preview_chart(
         let layout = graph::layout_step(context, snapshot)?;
         let p = layout.check_patch(patch)?;
         let (outcome, tried) = graph::preview_step(context, &layout, p, spec)?;
-        Ok((layout, preview_of(outcome, &tried)))
+        let verdict = match (&*outcome.value, graph::refusal(&outcome, &layout.patches, p)) {
+            (_, Some(error)) => ChartVerdict::Refused(error),
+            (ChartOutcome::MustSplit { reason, .. }, None) => ChartVerdict::MustSplit(reason.clone()),
+            (ChartOutcome::Mapped(_) | ChartOutcome::Refused(_), None) => ChartVerdict::Usable,
+        };
+        let last = tried.last();
+        let uv = match &*outcome.value {
+            ChartOutcome::Mapped(chart) => chart.uv.clone(),
+            _ => last.map(|map| map.uv.clone()).unwrap_or_default(),
+        };
+        let attempts = tried.iter().map(|map| map.attempt.clone()).collect();
+        let distortion = last.map(|map| map.distortion).unwrap_or_default();
+        Ok((layout, ChartPreview { uv, attempts, distortion, verdict }))
     })
-}
-
-fn preview_of(outcome: Result<Stored<ChartOutcome>>, tried: &[Stored<SolvedMap>]) -> ChartPreview {
-    let last = tried.last();
-    let mut preview = ChartPreview {
-        uv: last.map(|map| map.uv.clone()).unwrap_or_default(),
-        attempts: tried.iter().map(|map| map.attempt.clone()).collect(),
-        distortion: last.map(|map| map.distortion).unwrap_or_default(),
-        verdict: ChartVerdict::Usable,
-    };
-    match outcome.as_deref() {
-        Ok(ChartOutcome::Mapped(chart)) => preview.uv.clone_from(&chart.uv),
-        Ok(ChartOutcome::MustSplit { reason, .. }) => preview.verdict = ChartVerdict::MustSplit(reason.clone()),
-        Err(error) => preview.verdict = ChartVerdict::Refused(error.clone()),
-    }
-    preview
 }
 
 /// What computing the charts would find in the cache and what it would run. Computes nothing.

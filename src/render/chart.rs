@@ -1,8 +1,9 @@
-//! Pictures of charts: patches laid out in the plane, flipped faces in red, a checkerboard on request.
+//! Pictures of charts: patches laid out in the plane, flipped faces in red, a pattern on request.
 
-use crate::colour::{FLIPPED, INK, WHITE, lit};
+use crate::colour::{FLIPPED, INK, WHITE};
 use crate::error::{RenderError, Result};
 use crate::image::Image;
+use crate::pattern::{Pattern, PlaneMap};
 use crate::raster::{EdgeInk, supersampled};
 use crate::surface::{FaceColours, LineStyle};
 use crate::text::{Anchor, Font};
@@ -18,8 +19,8 @@ pub struct Chart<'a> {
     pub colours: FaceColours<'a>,
     /// Style of the triangle edges, if they are drawn.
     pub edges: Option<LineStyle>,
-    /// Fields of a checkerboard along the longer side, if one is laid over the colours.
-    pub checkers: Option<u32>,
+    /// A pattern that is laid over the colours.
+    pub pattern: Option<Pattern>,
     /// A line of text at the top.
     pub title: Option<&'a str>,
     /// Pixels across and down.
@@ -36,7 +37,7 @@ impl<'a> Chart<'a> {
             triangles,
             colours: FaceColours::Uniform([206, 216, 230]),
             edges: Some(LineStyle { width: 1.0, colour: INK }),
-            checkers: None,
+            pattern: None,
             title: None,
             size: [900, 900],
             supersampling: 3,
@@ -47,7 +48,7 @@ impl<'a> Chart<'a> {
 /// Draws a chart to fit the picture, with its boundary drawn bold and the number of flipped faces told if there are any.
 ///
 /// # Errors
-/// As [`crate::render_surface`]; [`RenderError::BadParameter`] also for 0 checkers.
+/// As [`crate::render_surface`]; [`RenderError::BadParameter`] also for a pattern without size.
 pub fn render_chart(chart: &Chart<'_>) -> Result<Image> {
     let [width, height] = chart.size;
     let mut image = Image::filled(width, height, WHITE)?;
@@ -55,7 +56,6 @@ pub fn render_chart(chart: &Chart<'_>) -> Result<Image> {
     let samples = f64::from(chart.supersampling);
     let font = Font::plain(width.max(height));
     let (low, high) = bounds(chart);
-    let extent = (high[0] - low[0]).max(high[1] - low[1]);
     let top = if chart.title.is_some() { 1.4 * f64::from(font.line()) } else { 0.0 };
     let room = [0.94 * f64::from(width), 0.94 * (f64::from(height) - top).max(1.0)];
     let fits = samples * (room[0] / (high[0] - low[0])).min(room[1] / (high[1] - low[1]));
@@ -64,7 +64,7 @@ pub fn render_chart(chart: &Chart<'_>) -> Result<Image> {
     let middle = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])];
     let seen: Vec<[f64; 3]> =
         chart.uv.iter().map(|p| [centre[0] + scale * (p[0] - middle[0]), centre[1] - scale * (p[1] - middle[1]), 0.0]).collect();
-    let field = chart.checkers.map(|n| scale * extent / f64::from(n));
+    let plane = PlaneMap([[1.0 / scale, 0.0, middle[0] - centre[0] / scale], [0.0, -1.0 / scale, middle[1] + centre[1] / scale]]);
     let flipped: Vec<bool> = chart.triangles.iter().map(|t| is_flipped(t.map(|v| chart.uv[v as usize]))).collect();
     let ink = chart.edges.map(|e| EdgeInk { half_width: 0.5 * e.width * samples, colour: e.colour, strength: 0.75 });
     let boundary = boundary_edges(chart.triangles);
@@ -77,10 +77,7 @@ pub fn render_chart(chart: &Chart<'_>) -> Result<Image> {
                 FaceColours::Uniform(colour) => colour,
                 FaceColours::PerFace(colours) => colours[f],
             };
-            band.triangle(corners, ink, |x, y| match field {
-                Some(side) if dark_field(x - centre[0], y - centre[1], side) => lit(own, 0.72),
-                _ => own,
-            });
+            band.triangle(corners, ink, |x, y| chart.pattern.map_or(own, |pattern| pattern.paint(own, &plane, x, y, samples)));
         }
         for edge in &boundary {
             let [from, to] = edge.map(|v| seen[v as usize]);
@@ -96,10 +93,6 @@ pub fn render_chart(chart: &Chart<'_>) -> Result<Image> {
         font.draw(&mut image, &format!("{count} flipped"), 12.0, y, Anchor::Left, FLIPPED);
     }
     Ok(image)
-}
-
-fn dark_field(x: f64, y: f64, side: f64) -> bool {
-    ((x / side).floor() + (y / side).floor()).rem_euclid(2.0) >= 1.0
 }
 
 fn is_flipped([a, b, c]: [[f64; 2]; 3]) -> bool {
@@ -145,8 +138,5 @@ fn check(chart: &Chart<'_>) -> Result<()> {
     if let Some(edge) = chart.edges.filter(|e| !(e.width > 0.0 && e.width <= 100.0)) {
         return Err(RenderError::BadParameter { what: "line width", value: edge.width });
     }
-    match chart.checkers {
-        Some(0) => Err(RenderError::BadParameter { what: "checkers", value: 0.0 }),
-        _ => Ok(()),
-    }
+    chart.pattern.map_or(Ok(()), |pattern| pattern.check())
 }

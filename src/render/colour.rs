@@ -6,8 +6,8 @@ pub type Rgb = [u8; 3];
 pub(crate) const WHITE: Rgb = [255, 255, 255];
 pub(crate) const INK: Rgb = [38, 38, 46];
 pub(crate) const FAINT: Rgb = [222, 222, 226];
-/// Faces of a chart that are turned over.
-pub(crate) const FLIPPED: Rgb = [214, 30, 30];
+/// Faces of a chart that are turned over or flat.
+pub const FLIPPED: Rgb = [214, 30, 30];
 
 /// Lightness, chroma and hue in degrees (OKLCH) of the quality scale at equal steps from 0 to 1.
 const QUALITY: [[f64; 3]; 5] = [[0.44, 0.17, 25.0], [0.63, 0.17, 42.0], [0.86, 0.14, 92.0], [0.76, 0.12, 165.0], [0.60, 0.12, 240.0]];

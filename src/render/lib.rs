@@ -17,17 +17,19 @@ mod compose;
 mod error;
 mod histogram;
 mod image;
+mod pattern;
 mod raster;
 mod surface;
 mod text;
 
 pub use chart::{Chart, render_chart};
-pub use colour::{Rgb, categorical, quality_colour};
+pub use colour::{FLIPPED, Rgb, categorical, quality_colour};
 pub use compose::side_by_side;
 pub use error::{RenderError, Result};
 pub use histogram::{Histogram, Series, render_histogram};
 pub use image::{Image, MAX_SIDE, encode_png};
-pub use surface::{FaceColours, Legend, LineStyle, Scene, UpAxis, View, render_surface};
+pub use pattern::{ISO_U, ISO_V, Pattern, chart_extent};
+pub use surface::{FaceColours, Legend, LineStyle, Scene, SurfacePattern, UpAxis, View, render_surface};
 
 #[cfg(test)]
 mod tests;

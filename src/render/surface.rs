@@ -3,6 +3,7 @@
 use crate::colour::{INK, Rgb, WHITE, lit, mix, quality_colour};
 use crate::error::{RenderError, Result};
 use crate::image::Image;
+use crate::pattern::{Pattern, PlaneMap};
 use crate::raster::{EdgeInk, supersampled};
 use crate::text::{Anchor, Font};
 
@@ -40,6 +41,15 @@ pub enum Legend {
     Names(Vec<(String, Rgb)>),
 }
 
+/// The pattern of charts on a surface. Patches do not share coordinates, so every corner of a face has its own.
+#[derive(Debug, Clone, Copy)]
+pub struct SurfacePattern<'a> {
+    /// Plane coordinates of the corners of each face; `None` for faces that show no pattern.
+    pub corner_uv: &'a [Option<[[f64; 2]; 3]>],
+    /// The pattern.
+    pub pattern: Pattern,
+}
+
 /// A surface to draw.
 #[derive(Debug, Clone)]
 pub struct Scene<'a> {
@@ -49,6 +59,8 @@ pub struct Scene<'a> {
     pub triangles: &'a [[u32; 3]],
     /// Face colours before shading.
     pub colours: FaceColours<'a>,
+    /// A pattern that is laid over the colours.
+    pub pattern: Option<SurfacePattern<'a>>,
     /// Style of all triangle edges, if they are drawn. Edges fade where triangles get as small as a few pixels.
     pub edges: Option<LineStyle>,
     /// Edges to draw thick over the surface: interface curves, features.
@@ -68,6 +80,7 @@ impl<'a> Scene<'a> {
             positions,
             triangles,
             colours: FaceColours::Uniform([196, 202, 210]),
+            pattern: None,
             edges: None,
             curves: &[],
             curve_style: LineStyle { width: 2.5, colour: [16, 16, 24] },
@@ -131,8 +144,14 @@ pub fn render_surface(scene: &Scene<'_>, view: &View) -> Result<Image> {
                 FaceColours::Uniform(colour) => colour,
                 FaceColours::PerFace(colours) => colours[f],
             };
-            let shaded = shade(own, corners);
-            band.triangle(corners, ink, |_, _| shaded);
+            let light = Light::on(corners);
+            match scene.pattern.and_then(|p| Some((p.pattern, PlaneMap::of_triangle(corners, p.corner_uv[f]?)))) {
+                None => {
+                    let shaded = light.shade(own);
+                    band.triangle(corners, ink, |_, _| shaded);
+                }
+                Some((pattern, map)) => band.triangle(corners, ink, |x, y| light.shade(pattern.paint(own, &map, x, y, samples))),
+            }
         }
         let half_width = 0.5 * scene.curve_style.width * samples;
         for curve in scene.curves {
@@ -168,6 +187,16 @@ fn check(scene: &Scene<'_>, view: &View) -> Result<()> {
         && colours.len() != scene.triangles.len()
     {
         return Err(RenderError::LengthMismatch { what: "face colours", found: colours.len(), expected: scene.triangles.len() });
+    }
+    if let Some(SurfacePattern { corner_uv, pattern }) = scene.pattern {
+        pattern.check()?;
+        if corner_uv.len() != scene.triangles.len() {
+            return Err(RenderError::LengthMismatch { what: "chart corners", found: corner_uv.len(), expected: scene.triangles.len() });
+        }
+        let finite = |uv: &Option<[[f64; 2]; 3]>| uv.is_none_or(|uv| uv.as_flattened().iter().all(|x| x.is_finite()));
+        if let Some(index) = corner_uv.iter().position(|uv| !finite(uv)) {
+            return Err(RenderError::NonFinite { what: "chart of face", index });
+        }
     }
     if !(1..=4).contains(&view.supersampling) {
         return Err(RenderError::BadParameter { what: "supersampling", value: f64::from(view.supersampling) });
@@ -235,21 +264,37 @@ impl Camera {
     }
 }
 
-/// Flat shading of a face given in sample coordinates (y down): a light up and left of the camera, the inside darker.
-fn shade(colour: Rgb, [a, b, c]: [[f64; 3]; 3]) -> Rgb {
-    const LIGHT: [f64; 3] = [-0.28, 0.47, 0.837];
-    let edge = |q: [f64; 3]| [q[0] - a[0], a[1] - q[1], q[2] - a[2]];
-    let (u, v) = (edge(b), edge(c));
-    let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-    let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
-    if length == 0.0 || !length.is_finite() {
-        return colour;
+/// Light on a face given in sample coordinates (y down), flat: a lamp up and left of the camera, the inside darker.
+#[derive(Debug, Clone, Copy)]
+enum Light {
+    /// On a face that is seen edge-on.
+    Full,
+    /// On the outside, with its strength.
+    Outside(f64),
+    /// On the inside, with its strength.
+    Inside(f64),
+}
+
+impl Light {
+    fn on([a, b, c]: [[f64; 3]; 3]) -> Light {
+        const LAMP: [f64; 3] = [-0.28, 0.47, 0.837];
+        let edge = |q: [f64; 3]| [q[0] - a[0], a[1] - q[1], q[2] - a[2]];
+        let (u, v) = (edge(b), edge(c));
+        let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+        let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
+        if length == 0.0 || !length.is_finite() {
+            return Light::Full;
+        }
+        let facing = (n[0] * LAMP[0] + n[1] * LAMP[1] + n[2] * LAMP[2]) / length;
+        if n[2] >= 0.0 { Light::Outside(0.42 + 0.64 * facing.max(0.0)) } else { Light::Inside(0.30 + 0.36 * (-facing).max(0.0)) }
     }
-    let facing = (n[0] * LIGHT[0] + n[1] * LIGHT[1] + n[2] * LIGHT[2]) / length;
-    if n[2] >= 0.0 {
-        lit(colour, 0.42 + 0.64 * facing.max(0.0))
-    } else {
-        mix(lit(colour, 0.30 + 0.36 * (-facing).max(0.0)), [70, 50, 60], 0.35)
+
+    fn shade(self, colour: Rgb) -> Rgb {
+        match self {
+            Light::Full => colour,
+            Light::Outside(strength) => lit(colour, strength),
+            Light::Inside(strength) => mix(lit(colour, strength), [70, 50, 60], 0.35),
+        }
     }
 }
 

@@ -115,9 +115,49 @@ fn flipped_faces_of_a_chart_are_red_and_on_top() {
     let (flipped, right) = (image.pixel(140, 140).expect("inside"), image.pixel(60, 60).expect("inside"));
     assert!(flipped[0] > 150 && flipped[2] < 80, "{flipped:?}");
     assert_eq!(right, BLUE);
-    chart.checkers = Some(2);
+    chart.pattern = Some(Pattern { checkers: Some(1.0), iso: None });
     let checked = render_chart(&chart).expect("drawn");
     assert_ne!(checked.pixel(40, 80), checked.pixel(80, 120));
+}
+
+#[test]
+fn iso_lines_lie_where_the_chart_says() {
+    // A chart of twice the picture's proportions: lines of u at 0, 1 and 2 of a square of side 2.
+    let uv = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]];
+    let mut chart = Chart::new(&uv, &[[0, 1, 2], [0, 2, 3]]);
+    (chart.colours, chart.edges, chart.size) = (FaceColours::Uniform([250, 250, 250]), None, [200, 200]);
+    chart.pattern = Some(Pattern { checkers: None, iso: Some(1.0) });
+    let image = render_chart(&chart).expect("drawn");
+    let (vertical, horizontal) = (image.pixel(100, 60).expect("inside"), image.pixel(60, 100).expect("inside"));
+    // A line as wide as a pixel and a half may lie between two pixels.
+    assert!(vertical[2] > vertical[0] + 80 && horizontal[0] > horizontal[2] + 80, "{vertical:?} {horizontal:?}");
+    assert_eq!(image.pixel(60, 60), Some([250, 250, 250]));
+    chart.pattern = Some(Pattern { checkers: Some(-1.0), iso: None });
+    assert!(matches!(render_chart(&chart), Err(RenderError::BadParameter { .. })));
+}
+
+#[test]
+fn a_pattern_on_the_surface_follows_the_corners_of_its_faces() {
+    let positions = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 4.0, 0.0], [0.0, 4.0, 0.0]];
+    let triangles = [[0, 1, 2], [0, 2, 3]];
+    let mut scene = Scene::new(&positions, &triangles);
+    scene.colours = FaceColours::Uniform([240, 240, 240]);
+    let plain = render_surface(&scene, &from_above(200, 200)).expect("drawn");
+    // The first face (lower right) has lines of u at its quarters, the second has no chart.
+    let corner_uv = [Some([[0.0, 0.3], [4.0, 0.3], [4.0, 0.3]]), None];
+    scene.pattern = Some(SurfacePattern { corner_uv: &corner_uv, pattern: Pattern { checkers: None, iso: Some(1.0) } });
+    let drawn = render_surface(&scene, &from_above(200, 200)).expect("drawn");
+    let side = 0.94 * 200.0;
+    let at = |x: f64, y: f64| ((100.0 + (x - 2.0) / 4.0 * side) as u32, (100.0 - (y - 2.0) / 4.0 * side) as u32);
+    let (on, off, other) = (at(3.0, 0.7), at(3.5, 0.7), at(1.0, 3.0));
+    assert!(is_shade_of(drawn.pixel(on.0, on.1).expect("inside"), ISO_U), "{:?}", drawn.pixel(on.0, on.1));
+    assert_eq!(drawn.pixel(off.0, off.1), plain.pixel(off.0, off.1));
+    assert_eq!(drawn.pixel(other.0, other.1), plain.pixel(other.0, other.1));
+    scene.pattern = Some(SurfacePattern { corner_uv: &corner_uv[..1], pattern: Pattern::default() });
+    assert!(matches!(render_surface(&scene, &from_above(200, 200)), Err(RenderError::LengthMismatch { .. })));
+    let nan = [Some([[f64::NAN; 2]; 3]), None];
+    scene.pattern = Some(SurfacePattern { corner_uv: &nan, pattern: Pattern::default() });
+    assert!(matches!(render_surface(&scene, &from_above(200, 200)), Err(RenderError::NonFinite { .. })));
 }
 
 #[test]

@@ -1,4 +1,5 @@
 //! The border between the wire and the engine: the only files that name types of both.
 
+pub(crate) mod charts;
 pub(crate) mod from_proto;
 pub(crate) mod to_proto;

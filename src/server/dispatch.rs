@@ -7,6 +7,7 @@ use crate::stream::{Chunks, Watch};
 use remesh_engine::EngineError;
 use remesh_engine::error::{Reason, Result as EngineResult};
 use remesh_engine::pipeline::Run;
+use remesh_engine::stage::{Outcome, StageRecord};
 use remesh_engine::work::CancelToken;
 use remesh_proto::v1;
 use std::collections::HashMap;
@@ -27,6 +28,13 @@ pub(crate) enum Intent {
     Short,
     /// Anything that may run most of the pipeline.
     Long,
+}
+
+impl Intent {
+    /// Of work that has to run what a plan says is not cached.
+    pub(crate) fn of_plan<'a>(records: impl IntoIterator<Item = &'a StageRecord>) -> Intent {
+        if records.into_iter().all(|record| record.outcome == Outcome::Hit) { Intent::Short } else { Intent::Long }
+    }
 }
 
 /// Permits to compute, and the calls that are on.
@@ -196,6 +204,11 @@ impl Call {
         // Session ids are keys to the session: the log has only as much as is needed to tell them apart.
         self.span.record("session", target.session.id.get(..8).unwrap_or(&target.session.id)).record("revision", target.revision());
         Ok(target)
+    }
+
+    /// How long a computation is likely to take, from a plan of it. If there is no plan, there will be no computation but an error.
+    pub(crate) async fn weigh(&self, plan: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<Intent> + Send + 'static) -> Intent {
+        self.run(Intent::Short, None, plan).await.unwrap_or(Intent::Short)
     }
 
     /// Answers with the outcome of a computation on the pool.

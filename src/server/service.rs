@@ -4,6 +4,7 @@ pub(crate) mod capability;
 pub(crate) mod chart;
 pub(crate) mod mesh;
 pub(crate) mod partition;
+pub(crate) mod patch_chart;
 pub(crate) mod quality;
 pub(crate) mod remesh;
 pub(crate) mod session;

@@ -84,10 +84,8 @@ pub(crate) fn status_of(fault: &Fault) -> Status {
         details.push(any(RETRY_INFO, &pb::RetryInfo { retry_delay }));
     }
     if let Fault::Engine(error) = fault
-        && error.location_total() > 0
+        && let Some(detail) = geometry_locations(error)
     {
-        let locations = error.locations().iter().map(location).collect();
-        let detail = v1::GeometryLocations { locations, total: error.location_total() as u64 };
         details.push(any(GEOMETRY_LOCATIONS_TYPE_URL, &detail));
     }
     let whole = pb::Status { code: parts.code as i32, message: parts.message.clone(), details };
@@ -147,6 +145,12 @@ fn code_of(kind: ErrorKind) -> Code {
         ErrorKind::Unimplemented => Code::Unimplemented,
         ErrorKind::Internal => Code::Internal,
     }
+}
+
+/// The places of an error on the wire, if it has any.
+pub(crate) fn geometry_locations(error: &EngineError) -> Option<v1::GeometryLocations> {
+    let locations = || error.locations().iter().map(location).collect();
+    (error.location_total() > 0).then(|| v1::GeometryLocations { locations: locations(), total: error.location_total() as u64 })
 }
 
 /// A place on the surface on the wire.

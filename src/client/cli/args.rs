@@ -1,13 +1,18 @@
 //! The command line of `remesh`, as clap sees it.
 
+mod chart;
 mod values;
 
+pub(crate) use chart::{ChartAllArgs, ChartArgs, ChartOutput, ChartSpecArgs, ChartVerb, PatchOf};
+#[cfg(test)]
+pub(crate) use values::PinArg;
+pub(crate) use values::{BoundaryCurve, HoleChoice, OuterLoop, PinChoice, SpacingChoice, names_session, session_name};
 pub(crate) use values::{ChartMethod, ColourBy, Encoding, FeatureAngle, ObjRegions, ReadFormat, SampleName, Unit, Up};
 
 use clap::{ArgAction, Args, Parser, Subcommand};
 use std::path::PathBuf;
 use std::time::Duration;
-use values::{duration, feature_angle, not_negative, positive, session_name};
+use values::{duration, feature_angle, not_negative, positive};
 
 const AFTER_HELP: &str = "\
 Exit codes:
@@ -71,8 +76,8 @@ pub(crate) enum Command {
     Set(SetArgs),
     /// Partition the surface of a session into patches
     Partition(SessionName),
-    /// Map the patches of a session to the plane
-    Chart(PatchesArgs),
+    /// Map patches to the plane: of a session or a file, or one patch with conditions of its own
+    Chart(ChartArgs),
     /// Remesh the surface of a session, or mesh some patches of it
     Remesh(PatchesArgs),
     /// Tell what a remesh would find in the cache and what it would compute
@@ -102,6 +107,8 @@ pub(crate) struct RunArgs {
     pub(crate) import: ImportArgs,
     #[command(flatten)]
     pub(crate) inputs: InputArgs,
+    #[command(flatten)]
+    pub(crate) method: MethodArgs,
     /// Also measure distances to the input and self-intersections
     #[arg(long)]
     pub(crate) quality: bool,
@@ -135,7 +142,7 @@ pub(crate) struct SizeArgs {
 }
 
 /// How the file is read.
-#[derive(Debug, Clone, Default, Args)]
+#[derive(Debug, Clone, Default, PartialEq, Args)]
 #[command(next_help_heading = "Reading")]
 pub(crate) struct ImportArgs {
     /// Format of the file; default: found by its content
@@ -155,8 +162,17 @@ pub(crate) struct ImportArgs {
     pub(crate) obj_regions: Option<ObjRegions>,
 }
 
-/// The other inputs.
+/// Which charts all patches get. Apart from the other inputs since `--chart` names a patch in `render`.
 #[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "Method")]
+pub(crate) struct MethodArgs {
+    /// Map of the patches to the plane [default: auto, the first of spectral, lscm and mean-value that is bijective]
+    #[arg(id = "chart_method", long = "chart", value_name = "METHOD")]
+    pub(crate) chart: Option<ChartMethod>,
+}
+
+/// The other inputs.
+#[derive(Debug, Clone, Default, PartialEq, Args)]
 #[command(next_help_heading = "Method")]
 pub(crate) struct InputArgs {
     /// Edges whose faces' normals differ by at least this many degrees are kept; `none` finds no edges by angle [default: 40]
@@ -183,9 +199,6 @@ pub(crate) struct InputArgs {
     /// Bound on pi A / L^2 of a patch (A its area, L its longest border) [default: 4]
     #[arg(long, value_name = "RATIO", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) max_aspect_ratio: Option<f64>,
-    /// Map of the patches to the plane [default: auto, the first of the others that is bijective]
-    #[arg(long, value_name = "METHOD")]
-    pub(crate) chart: Option<ChartMethod>,
     /// Rounds of optimisation across patch borders; 0 leaves the mesh as it was joined [default: 5]
     #[arg(long, value_name = "N")]
     pub(crate) rounds: Option<u32>,
@@ -285,9 +298,20 @@ pub(crate) struct RenderArgs {
     /// Draw the remeshed surface, not the input (of a file: needs a size)
     #[arg(long)]
     pub(crate) result: bool,
-    /// Draw the chart of this patch in the plane
+    /// Draw the chart of this patch in the plane, flipped faces in red; with chart options the one it would have
     #[arg(long, value_name = "PATCH", conflicts_with_all = ["result", "histogram"])]
     pub(crate) chart: Option<u32>,
+    /// Draw the pattern of charts on the surface in space: of the patch of --chart, or of all
+    #[arg(long, conflicts_with_all = ["result", "histogram"])]
+    pub(crate) chart_on_surface: bool,
+    /// Lay a checkerboard over the charts, with N fields along the longest side
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub(crate) checker: Option<u32>,
+    /// Draw lines of constant u (blue) and constant v (orange), N of each along the longest side
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub(crate) iso: Option<u32>,
+    #[command(flatten)]
+    pub(crate) spec: ChartSpecArgs,
     /// Draw the histogram of kappa before and after remeshing (of a file: needs a size)
     #[arg(long, conflicts_with = "result")]
     pub(crate) histogram: bool,
@@ -374,6 +398,8 @@ pub(crate) struct SetArgs {
     pub(crate) size: SizeArgs,
     #[command(flatten)]
     pub(crate) inputs: InputArgs,
+    #[command(flatten)]
+    pub(crate) method: MethodArgs,
 }
 
 #[derive(Debug, Args)]
@@ -410,60 +436,4 @@ pub(crate) struct RollbackArgs {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use clap::CommandFactory;
-
-    fn parse(line: &str) -> Result<Cli, clap::Error> {
-        Cli::try_parse_from(line.split(' '))
-    }
-
-    #[test]
-    fn the_definition_is_consistent() {
-        Cli::command().debug_assert();
-    }
-
-    #[test]
-    fn run_takes_all_its_options() {
-        let line = "remesh run in.stl -o out.msh --min-size 0.1 --max-size 2 --growth-rate 1.2 --feature-angle none --unit mm \
-                    --only-region inlet --only-region 7 --patches 12 --chart mean-value --rounds 0 --quality --before-after a.png \
-                    --encoding msh22 --threads 2 --json";
-        let cli = parse(&line.split_whitespace().collect::<Vec<_>>().join(" ")).expect("valid");
-        assert!(cli.global.json && cli.global.threads == Some(2));
-        let Command::Run(run) = cli.command else { panic!("run expected") };
-        assert_eq!(run.inputs.feature_angle, Some(FeatureAngle::None));
-        assert_eq!((run.size.min_size, run.size.growth_rate, run.size.size), (Some(0.1), Some(1.2), None));
-        assert_eq!(run.import.only_region, ["inlet", "7"]);
-        assert_eq!((run.inputs.chart, run.inputs.rounds), (Some(ChartMethod::MeanValue), Some(0)));
-    }
-
-    #[test]
-    fn values_out_of_range_are_usage_errors() {
-        for bad in [
-            "remesh run a.stl -o b.stl --size 0",
-            "remesh run a.stl -o b.stl --size nan",
-            "remesh run a.stl -o b.stl --triangles 0",
-            "remesh run a.stl -o b.stl --feature-angle 180",
-            "remesh run a.stl --size 1",
-            "remesh run a.stl -o b.stl --size 1 --threads 0",
-            "remesh quality a.stl",
-            "remesh quality",
-            "remesh sample artery --triangles 5 --resolution 5 -o a.stl",
-            "remesh sample cow -o a.stl",
-            "remesh session set-ttl x 5y",
-            "remesh plan a/b",
-            "remesh render a.stl -o a.png --chart 1 --histogram",
-        ] {
-            assert!(parse(bad).is_err(), "{bad}");
-        }
-    }
-
-    #[test]
-    fn quality_takes_files_or_a_session() {
-        assert!(parse("remesh quality a.stl b.stl --size 1").is_ok());
-        assert!(parse("remesh quality --session s").is_ok());
-        assert!(parse("remesh quality --session s a.stl b.stl").is_err());
-        assert!(parse("remesh diagnose --session s").is_ok());
-        assert!(parse("remesh diagnose").is_err());
-    }
-}
+mod tests;

@@ -155,24 +155,81 @@ pub(crate) fn patch(patch: &v1::PatchSummary) -> Value {
     })
 }
 
+fn spread(spread: Option<v1::Spread>) -> Value {
+    spread.map_or(Value::Null, |s| json!({ "min": s.min, "mean": s.mean, "max": s.max }))
+}
+
+/// A chart spec; the conditions that the method does not have are absent.
+pub(crate) fn chart_spec(spec: &v1::ChartSpec) -> Value {
+    use v1::boundary_shape::Shape;
+    let point = |p: &v1::PlanePoint| json!([p.u, p.v]);
+    let mut object = json!({
+        "method": summary::chart_method_name(spec.method()),
+        "outer_vertex": spec.outer_vertex,
+        "holes": summary::hole_name(spec.holes()),
+    });
+    if let Some(pins) = &spec.pins {
+        let given = pins.given.iter().map(|p| json!({ "vertex": p.vertex, "target": p.target.as_ref().map(point) }));
+        object["pins"] = if pins.given.is_empty() { json!(summary::pin_choice_name(pins.choice())) } else { given.collect() };
+    }
+    if let Some(boundary) = &spec.boundary {
+        let shape = match boundary.shape.as_ref().and_then(|s| s.shape.as_ref()) {
+            None | Some(Shape::Circle(_)) => json!("circle"),
+            Some(Shape::MeanPlane(_)) => json!("mean-plane"),
+            Some(Shape::Ellipse(e)) => json!({ "ellipse": e.ratio }),
+            Some(Shape::Rectangle(r)) => json!({ "rectangle": r.ratio, "corners": r.corners }),
+            Some(Shape::Polygon(p)) => json!({ "polygon": p.points.iter().map(point).collect::<Vec<_>>(), "corners": p.corners }),
+        };
+        let spacing = if boundary.spacing() == v1::BoundarySpacing::Chord { "chord" } else { "arc" };
+        object["boundary"] = json!({ "shape": shape, "spacing": spacing, "start_vertex": boundary.start_vertex });
+    }
+    object
+}
+
+pub(crate) fn verdict_name(verdict: v1::ChartVerdict) -> String {
+    enum_name(verdict.as_str_name(), "CHART_VERDICT_")
+}
+
+/// What is wrong with the spec of a patch.
+pub(crate) fn chart_error(error: &v1::ChartError) -> Value {
+    let places = error.locations.iter().flat_map(|l| &l.locations).map(|location| place(&Place::from(location)));
+    json!({
+        "patch": error.patch,
+        "reason": error.reason,
+        "message": error.message,
+        "locations": places.collect::<Vec<_>>(),
+        "location_total": error.locations.as_ref().map_or(0, |l| l.total),
+    })
+}
+
 pub(crate) fn chart(chart: &v1::ChartSummary) -> Value {
     let attempt = |attempt: &v1::ChartAttempt| {
+        let filling = attempt.filling.unwrap_or_default();
         json!({
             "method": summary::chart_method_name(attempt.method()),
+            "holes": summary::hole_name(filling.holes()),
+            "ears": filling.ears,
+            "pins": attempt.pins,
+            "flipped_before": attempt.flipped_before,
             "flipped": attempt.flipped,
             "overlaps": attempt.overlaps,
             "rejected": attempt.rejected,
         })
     };
+    let of = |value: fn(&v1::Distortion) -> f64| chart.distortion.as_ref().map(value);
     let distortion = chart.distortion.unwrap_or_default();
     json!({
         "patch": chart.patch,
         "method": summary::chart_method_name(chart.method()),
         "attempts": chart.attempts.iter().map(attempt).collect::<Vec<_>>(),
-        "angle_mean": distortion.angle_mean,
-        "angle_max": distortion.angle_max,
-        "area_min": distortion.area_min,
-        "area_max": distortion.area_max,
+        "angle_mean": of(|d| d.angle_mean),
+        "angle_max": of(|d| d.angle_max),
+        "area_min": of(|d| d.area_min),
+        "area_max": of(|d| d.area_max),
+        "angle": spread(distortion.angle),
+        "area": spread(distortion.area),
+        "stretch": spread(distortion.stretch),
+        "own_spec": chart.origin() == v1::ChartSpecOrigin::Patch,
         "vertices": chart.vertices,
         "faces": chart.faces,
     })
@@ -204,7 +261,8 @@ fn inputs(inputs: &v1::SessionInputs) -> Value {
         "patches": partition.patches,
         "max_patch_faces": partition.max_patch_faces,
         "max_aspect_ratio": partition.max_aspect_ratio,
-        "chart": summary::chart_method_name(inputs.charts.unwrap_or_default().method()),
+        "chart": inputs.charts.as_ref().map(chart_spec),
+        "patch_charts": inputs.patch_charts,
         "size": size,
         "rounds": optimize.rounds,
         "min_kappa": optimize.min_kappa,

@@ -1,15 +1,17 @@
 //! `remesh render`: pictures of a surface, a chart or the quality histogram, from arrays read over the protocol.
 
+mod chart;
+
 use super::args::{ColourBy, RenderArgs, Up};
 use super::context::Context;
 use super::failure::{Failure, Outcome};
 use super::files::{self, Target};
 use super::ui::Report;
 use super::{specs, summary};
-use crate::{ChartData, MeshColumns, MeshData, v1};
+use crate::{MeshColumns, MeshData, v1};
 use remesh_render::{
-    Chart, FaceColours, Histogram, Image, Legend, LineStyle, RenderError, Rgb, Scene, Series, UpAxis, View, categorical, encode_png,
-    quality_colour, render_chart, render_histogram, render_surface,
+    FaceColours, Histogram, Image, Legend, LineStyle, RenderError, Rgb, Scene, Series, UpAxis, View, categorical, encode_png,
+    quality_colour, render_histogram, render_surface,
 };
 use serde_json::json;
 use std::collections::BTreeSet;
@@ -30,12 +32,16 @@ pub(crate) async fn render(context: &Context, args: &RenderArgs) -> Outcome<Repo
         return Err(Failure::Usage(format!("{} must end in .png", args.output.display())));
     }
     let target = Target::new(&args.output, &args.file.iter().map(|file| file.as_path()).collect::<Vec<_>>())?;
+    chart::check(args)?;
     let (session, name) = prepare(context, args).await?;
     let (png, what) = if args.histogram {
         let _spinner = context.ui.spinner("remesh");
         (histogram_png(context, &session, Some([args.width, args.height])).await?, "histogram of kappa before and after".to_owned())
+    } else if args.chart_on_surface {
+        let (image, what) = chart::draw_on_surface(context, args, &session, &name).await?;
+        (encode_png(&image)?, what)
     } else if let Some(patch) = args.chart {
-        let (image, what) = draw_chart(context, args, &session, patch).await?;
+        let (image, what) = chart::draw_in_plane(context, args, &session, patch).await?;
         (encode_png(&image)?, what)
     } else {
         let (image, what) = draw_surface(context, args, &session, &name).await?;
@@ -61,13 +67,13 @@ async fn prepare(context: &Context, args: &RenderArgs) -> Outcome<(String, Strin
         return Err(Failure::Usage("a size is for --result or --histogram; the input is drawn as it is".into()));
     }
     let session = context.temporary_session(&format!("remesh render {}", files::short_name(file))).await?;
-    let needs_soundness = needs_result || args.chart.is_some() || args.by == ColourBy::Patch;
+    let needs_soundness = needs_result || args.chart.is_some() || args.chart_on_surface || args.by == ColourBy::Patch;
     if needs_soundness {
         context.import_sound(&session, file, &args.import).await?;
     } else {
         context.import_file(&session, file, &args.import).await?;
     }
-    let mut changes = specs::changes(&context.client, &args.inputs, &v1::SessionInputs::default()).await?;
+    let mut changes = specs::changes(&context.client, &args.inputs, None, &v1::SessionInputs::default()).await?;
     if let Some(choice) = choice {
         changes.push(v1::change::Change::Size(specs::size_spec(&context.client, choice).await?));
     }
@@ -85,6 +91,14 @@ fn columns(by: ColourBy) -> MeshColumns {
         ColourBy::Kappa => MeshColumns { kappa: true, ..Default::default() },
         ColourBy::Region => MeshColumns { region: true, ..Default::default() },
     }
+}
+
+fn view(args: &RenderArgs) -> View {
+    let up = match args.up {
+        Up::Y => UpAxis::Y,
+        Up::Z => UpAxis::Z,
+    };
+    View { width: args.width, height: args.height, azimuth: args.azimuth, elevation: args.elevation, up, ..Default::default() }
 }
 
 async fn draw_surface(context: &Context, args: &RenderArgs, session: &str, name: &str) -> Outcome<(Image, String)> {
@@ -109,37 +123,7 @@ async fn draw_surface(context: &Context, args: &RenderArgs, session: &str, name:
     scene.curves = &curves;
     scene.title = Some(&title);
     scene.legend = legend.as_ref();
-    let up = match args.up {
-        Up::Y => UpAxis::Y,
-        Up::Z => UpAxis::Z,
-    };
-    let view = View { width: args.width, height: args.height, azimuth: args.azimuth, elevation: args.elevation, up, ..Default::default() };
-    Ok((render_surface(&scene, &view)?, title))
-}
-
-async fn draw_chart(context: &Context, args: &RenderArgs, session: &str, patch: u32) -> Outcome<(Image, String)> {
-    let chart = context.client.read_chart(session, patch).await?;
-    let colours = match args.by {
-        ColourBy::Patch => vec![categorical(patch); chart.triangles.len()],
-        by => {
-            let input = context.client.read_mesh(session, v1::MeshSource::Input, columns(by)).await?;
-            let whole = face_colours(&input, by);
-            chart.source_face.iter().map(|&face| whole.get(face as usize).copied().unwrap_or(BEFORE)).collect()
-        }
-    };
-    let title = chart_title(&chart);
-    let mut picture = Chart::new(&chart.uv, &chart.triangles);
-    picture.colours = FaceColours::PerFace(&colours);
-    picture.title = Some(&title);
-    picture.size = [args.width, args.height];
-    Ok((render_chart(&picture)?, title))
-}
-
-fn chart_title(chart: &ChartData) -> String {
-    let method = summary::chart_method_name(chart.summary.method());
-    let triangles = summary::count(chart.triangles.len() as u64, "triangle", "triangles");
-    let distortion = chart.summary.distortion.unwrap_or_default();
-    format!("patch {}: {method} chart of {triangles}, angle distortion mean {:.3}", chart.summary.patch, distortion.angle_mean)
+    Ok((render_surface(&scene, &view(args))?, title))
 }
 
 fn face_colours(mesh: &MeshData, by: ColourBy) -> Vec<Rgb> {

@@ -28,7 +28,7 @@ pub(crate) async fn run(context: &Context, args: &RunArgs) -> Outcome<Report> {
 
     let session = context.temporary_session(&format!("remesh run {}", files::short_name(&args.input))).await?;
     let imported = context.import_sound(&session, &args.input, &args.import).await?;
-    let mut changes = specs::changes(client, &args.inputs, &v1::SessionInputs::default()).await?;
+    let mut changes = specs::changes(client, &args.inputs, args.method.chart, &v1::SessionInputs::default()).await?;
     changes.push(v1::change::Change::Size(specs::size_spec(client, choice).await?));
     context.apply_all(&session, changes).await?;
 

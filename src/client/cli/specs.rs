@@ -1,7 +1,12 @@
 //! From options of the command line to the specs of the protocol.
 
+mod chart;
+
+pub(crate) use chart::{chart_edit, merged_chart, names_vertices};
+
 use super::args::{
-    ChartMethod, Encoding, FeatureAngle, ImportArgs, InputArgs, ObjRegions, ReadFormat, SampleName, SampleSpecArgs, SizeArgs, Unit,
+    ChartMethod, ChartSpecArgs, Encoding, FeatureAngle, ImportArgs, InputArgs, ObjRegions, ReadFormat, SampleName, SampleSpecArgs,
+    SizeArgs, Unit,
 };
 use super::failure::{Failure, Outcome};
 use super::files;
@@ -141,7 +146,12 @@ async fn packed(client: &Client, bytes: Bytes) -> Outcome<v1::PackedArray> {
 }
 
 /// The changes that the options ask for. A spec replaces the former one as a whole, so options are put into the `current` inputs.
-pub(crate) async fn changes(client: &Client, args: &InputArgs, current: &v1::SessionInputs) -> Outcome<Vec<Change>> {
+pub(crate) async fn changes(
+    client: &Client,
+    args: &InputArgs,
+    method: Option<ChartMethod>,
+    current: &v1::SessionInputs,
+) -> Outcome<Vec<Change>> {
     let mut changes = Vec::new();
     let mut features = current.features.clone().unwrap_or_default();
     if put_features(args, &mut features) {
@@ -154,8 +164,9 @@ pub(crate) async fn changes(client: &Client, args: &InputArgs, current: &v1::Ses
     if put_partition(args, &mut partition) {
         changes.push(Change::Partition(partition));
     }
-    if let Some(method) = args.chart {
-        changes.push(Change::Charts(v1::ChartSpec { method: chart_method(method).into() }));
+    if method.is_some() {
+        let edit = chart_edit(&ChartSpecArgs { method, ..Default::default() })?;
+        changes.push(Change::Charts(merged_chart(current.charts.clone().unwrap_or_default(), edit)));
     }
     let mut optimize = current.optimize.unwrap_or_default();
     if args.rounds.is_some() || args.min_kappa.is_some() {
@@ -187,15 +198,6 @@ fn put_partition(args: &InputArgs, spec: &mut v1::PartitionSpec) -> bool {
     spec.max_patch_faces = args.max_patch_faces.or(spec.max_patch_faces);
     spec.max_aspect_ratio = args.max_aspect_ratio.or(spec.max_aspect_ratio);
     args.patches.is_some() || args.max_patch_faces.is_some() || args.max_aspect_ratio.is_some()
-}
-
-fn chart_method(method: ChartMethod) -> v1::ChartMethod {
-    match method {
-        ChartMethod::Auto => v1::ChartMethod::Automatic,
-        ChartMethod::Spectral => v1::ChartMethod::SpectralConformal,
-        ChartMethod::Lscm => v1::ChartMethod::LeastSquaresConformal,
-        ChartMethod::MeanValue => v1::ChartMethod::MeanValue,
-    }
 }
 
 #[cfg(test)]

@@ -72,7 +72,7 @@ pub(crate) async fn set(context: &Context, args: &SetArgs) -> Outcome<Report> {
     let session = &args.session.session;
     let choice = specs::size_choice(&args.size)?;
     let current = context.client.get_session(session).await?;
-    let mut changes = specs::changes(&context.client, &args.inputs, &current.inputs.unwrap_or_default()).await?;
+    let mut changes = specs::changes(&context.client, &args.inputs, args.method.chart, &current.inputs.unwrap_or_default()).await?;
     if let Some(choice) = choice {
         changes.push(v1::change::Change::Size(specs::size_spec(&context.client, choice).await?));
     }
@@ -115,36 +115,6 @@ pub(crate) async fn partition(context: &Context, session: &str) -> Outcome<Repor
     Ok(Report { text, json: json!({ "patches": patches, "work": json::run(&result.summary) }) })
 }
 
-pub(crate) async fn chart(context: &Context, args: &PatchesArgs) -> Outcome<Report> {
-    let bar = context.ui.bar("charts");
-    let result = context.client.parametrize(&args.session.session, &args.patches, |progress| bar.progress(progress)).await?;
-    drop(bar);
-    let splits = if result.splits > 0 { format!(", {} split for want of a chart", result.splits) } else { String::new() };
-    let shown = format!("{} of {} patches{splits}: {}", result.charts.len(), result.patches, summary::chart_methods(&result.charts));
-    let mut text = summary::line("charts", shown);
-    text += "    patch      faces      method  angle mean      max   area min      max\n";
-    for c in &result.charts {
-        let d = c.distortion.unwrap_or_default();
-        let method = summary::chart_method_name(c.method());
-        text += &format!(
-            "{:>9} {:>10} {method:>11} {:>11.3} {:>8.3} {:>10.3} {:>8.3}\n",
-            c.patch,
-            summary::grouped(c.faces),
-            d.angle_mean,
-            d.angle_max,
-            d.area_min,
-            d.area_max
-        );
-        for attempt in c.attempts.iter().filter(|attempt| !attempt.rejected.is_empty()) {
-            text += &format!("{:>21} {} was tried: {}\n", "", summary::chart_method_name(attempt.method()), attempt.rejected);
-        }
-    }
-    text += &result.summary.as_ref().map(summary::run).unwrap_or_default();
-    let charts: Vec<_> = result.charts.iter().map(json::chart).collect();
-    let json = json!({ "patches": result.patches, "splits": result.splits, "charts": charts, "work": json::run(&result.summary) });
-    Ok(Report { text, json })
-}
-
 pub(crate) async fn remesh(context: &Context, args: &PatchesArgs) -> Outcome<Report> {
     let bar = context.ui.bar("remesh");
     let result = context.client.remesh(&args.session.session, &args.patches, |progress| bar.progress(progress)).await?;
@@ -172,8 +142,13 @@ pub(crate) async fn remesh(context: &Context, args: &PatchesArgs) -> Outcome<Rep
 
 pub(crate) async fn plan(context: &Context, session: &str) -> Outcome<Report> {
     let plan = context.client.plan(session).await?;
+    Ok(plan_report(plan.revision, &plan.stages, [plan.hits, plan.runs], plan.estimated_milliseconds))
+}
+
+/// A plan: its stages, how many are cached and how many would run.
+pub(crate) fn plan_report(revision: u64, stages: &[v1::PlannedStage], [hits, runs]: [u32; 2], estimated: f64) -> Report {
     let mut text = String::new();
-    for stage in &plan.stages {
+    for stage in stages {
         let hit = stage.outcome() == v1::StageOutcome::Hit;
         let cost = match stage.estimated_milliseconds {
             ms if !hit && ms > 0.0 => format!("  about {}", summary::seconds(ms)),
@@ -181,8 +156,8 @@ pub(crate) async fn plan(context: &Context, session: &str) -> Outcome<Report> {
         };
         text += &format!("{:<8} {} {}{cost}\n", if hit { "cached" } else { "will run" }, stage.stage, stage.subject);
     }
-    let estimate = summary::seconds(plan.estimated_milliseconds);
-    text += &summary::line("plan", format!("{} cached, {} to run, about {estimate} as far as known", plan.hits, plan.runs));
+    let about = summary::seconds(estimated);
+    text += &summary::line("plan", format!("{hits} cached, {runs} to run, about {about} as far as known"));
     let stage = |s: &v1::PlannedStage| {
         json!({
             "stage": s.stage,
@@ -193,13 +168,13 @@ pub(crate) async fn plan(context: &Context, session: &str) -> Outcome<Report> {
         })
     };
     let json = json!({
-        "revision": plan.revision,
-        "stages": plan.stages.iter().map(stage).collect::<Vec<_>>(),
-        "hits": plan.hits,
-        "runs": plan.runs,
-        "estimated_milliseconds": plan.estimated_milliseconds,
+        "revision": revision,
+        "stages": stages.iter().map(stage).collect::<Vec<_>>(),
+        "hits": hits,
+        "runs": runs,
+        "estimated_milliseconds": estimated,
     });
-    Ok(Report { text, json })
+    Report { text, json }
 }
 
 pub(crate) async fn export(context: &Context, args: &ExportArgs) -> Outcome<Report> {

@@ -1,5 +1,9 @@
 //! Summaries for people. Pure functions from messages to text, so that they can be tested.
 
+mod chart;
+
+pub(crate) use chart::{chart, chart_method_name, chart_methods, chart_spec, hole_name, pin_choice_name};
+
 use super::stages::{self, Group};
 use crate::error::{Place, Short};
 use crate::v1;
@@ -53,17 +57,6 @@ pub(crate) fn unit_name(unit: v1::LengthUnit) -> Option<&'static str> {
         v1::LengthUnit::Micrometre => Some("um"),
         v1::LengthUnit::Inch => Some("inch"),
         v1::LengthUnit::Foot => Some("foot"),
-    }
-}
-
-pub(crate) fn chart_method_name(method: v1::ChartMethod) -> &'static str {
-    match method {
-        v1::ChartMethod::Unspecified | v1::ChartMethod::Automatic => "auto",
-        v1::ChartMethod::SpectralConformal => "spectral",
-        v1::ChartMethod::LeastSquaresConformal => "lscm",
-        v1::ChartMethod::MeanValue => "mean-value",
-        v1::ChartMethod::Harmonic => "harmonic",
-        v1::ChartMethod::Barycentric => "barycentric",
     }
 }
 
@@ -216,14 +209,6 @@ pub(crate) fn work(milliseconds: f64, groups: &[Group]) -> String {
 /// The same for the summary of one call.
 pub(crate) fn run(summary: &v1::RunSummary) -> String {
     work(summary.milliseconds, &stages::groups(&summary.stages))
-}
-
-/// Methods of the charts, in words: `12 spectral, 1 mean-value`.
-pub(crate) fn chart_methods(charts: &[v1::ChartSummary]) -> String {
-    let methods = [v1::ChartMethod::SpectralConformal, v1::ChartMethod::LeastSquaresConformal, v1::ChartMethod::MeanValue];
-    let number = |method| charts.iter().filter(|chart| chart.method() == method).count();
-    let used = methods.into_iter().map(|m| (number(m), chart_method_name(m))).filter(|(n, _)| *n > 0);
-    used.map(|(n, name)| format!("{n} {name}")).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]

@@ -131,12 +131,9 @@ pub fn next_map<'a>(maps: &'a [MapSpec], tried: &[impl std::ops::Deref<Target = 
     maps[begun..].iter().find(may_help)
 }
 
-/// The chart, from the maps that were tried.
-///
-/// # Errors
-/// [`Reason::ChartFailed`] if the spec names a method and no map of it is one-to-one, with boundary edges that meet and
-/// flipped faces (patch-local ids) as locations.
-pub fn conclude(patch: &Patch, spec: &ChartSpec, tried: &[impl std::ops::Deref<Target = SolvedMap>]) -> Result<ChartOutcome> {
+/// The chart, from the maps that were tried, or why there is none. A refusal ([`Reason::ChartFailed`], if the spec names a method and no
+/// map of it is one-to-one) has boundary edges that meet and flipped faces (patch-local ids) as locations.
+pub fn conclude(patch: &Patch, spec: &ChartSpec, tried: &[impl std::ops::Deref<Target = SolvedMap>]) -> ChartOutcome {
     let attempts: Vec<ChartAttempt> = tried.iter().map(|map| map.attempt.clone()).collect();
     if let Some(last) = tried.last().filter(|map| map.verdict == MapVerdict::Usable) {
         let uv = match &spec.pins {
@@ -146,28 +143,31 @@ pub fn conclude(patch: &Patch, spec: &ChartSpec, tried: &[impl std::ops::Deref<T
         if let Some(uv) = &uv
             && !validity::flipped_faces(&patch.triangles, uv).is_empty()
         {
-            return Err(EngineError::new(Reason::ChartFailed, "rounding at the targets of the pins flips faces")
-                .with_hint("move the targets closer to the origin, or farther apart"));
+            return ChartOutcome::Refused(
+                EngineError::new(Reason::ChartFailed, "rounding at the targets of the pins flips faces")
+                    .with_hint("move the targets closer to the origin, or farther apart"),
+            );
         }
         let uv = uv.unwrap_or_else(|| last.uv.clone());
-        return Ok(ChartOutcome::Mapped(Chart { uv, method: last.attempt.method, attempts, distortion: last.distortion }));
+        return ChartOutcome::Mapped(Chart { uv, method: last.attempt.method, attempts, distortion: last.distortion });
     }
     let crowded = tried.iter().find(|map| matches!(map.verdict, MapVerdict::Crowded(_)));
     if let Some(crowded) = crowded {
-        return Ok(ChartOutcome::MustSplit { attempts, reason: crowded.attempt.rejected.clone() });
+        return ChartOutcome::MustSplit { attempts, reason: crowded.attempt.rejected.clone() };
     }
     let told: Vec<String> = attempts.iter().map(|a| format!("{}: {}", a.method.name(), a.rejected)).collect();
     let reason = format!("no chart is one-to-one ({})", told.join("; "));
-    let Some(method) = spec.method else { return Ok(ChartOutcome::MustSplit { attempts, reason }) };
+    let Some(method) = spec.method else { return ChartOutcome::MustSplit { attempts, reason } };
     let blame = tried.iter().rev().find_map(|map| match &map.verdict {
         MapVerdict::NotBijective { flipped, crossing } => Some((flipped, crossing)),
         _ => None,
     });
     let faces = blame.iter().flat_map(|(flipped, _)| flipped.iter().map(|&f| face_location(patch, f)));
     let edges = blame.iter().flat_map(|(_, crossing)| crossing.iter().flatten().map(|&e| edge_location(patch, e)));
-    Err(EngineError::new(Reason::ChartFailed, format!("the requested {} map fails: {reason}", method.name()))
+    let error = EngineError::new(Reason::ChartFailed, format!("the requested {} map fails: {reason}", method.name()))
         .with_hint("let the method be chosen automatically, or split the patch")
-        .with_locations(edges.chain(faces)))
+        .with_locations(edges.chain(faces));
+    ChartOutcome::Refused(error)
 }
 
 /// The similarity that takes two vertices of a finished map to their targets; `None` without targets.

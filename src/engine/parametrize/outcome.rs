@@ -1,6 +1,7 @@
 //! What is told of a chart: its positions, what was tried, and how it distorts.
 
 use super::spec::ChartMethod;
+use crate::error::EngineError;
 use crate::fingerprint::{Contents, Feeder};
 use crate::vector::Vec2;
 
@@ -104,6 +105,8 @@ pub enum ChartOutcome {
         /// Why none is usable.
         reason: String,
     },
+    /// The specification names a method that gives no one-to-one map.
+    Refused(EngineError),
 }
 
 impl Contents for ChartOutcome {
@@ -111,6 +114,7 @@ impl Contents for ChartOutcome {
         match self {
             ChartOutcome::Mapped(chart) => into.u64(1).u64(chart.method as u64).points(&chart.uv),
             ChartOutcome::MustSplit { reason, .. } => into.u64(0).text(reason),
+            ChartOutcome::Refused(error) => into.u64(2).text(error.message()),
         };
     }
 
@@ -118,6 +122,7 @@ impl Contents for ChartOutcome {
         match self {
             ChartOutcome::Mapped(chart) => chart.uv.len() * 16 + 256,
             ChartOutcome::MustSplit { reason, .. } => reason.len() + 256,
+            ChartOutcome::Refused(error) => error.message().len() + error.locations().len() * 64 + 256,
         }
     }
 }

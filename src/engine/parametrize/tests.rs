@@ -85,7 +85,7 @@ fn outcome(patch: &Patch, spec: ChartSpec) -> Result<ChartOutcome> {
 fn chart(patch: &Patch, spec: ChartSpec) -> Chart {
     match outcome(patch, spec).unwrap() {
         ChartOutcome::Mapped(chart) => chart,
-        ChartOutcome::MustSplit { reason, .. } => panic!("must split: {reason}"),
+        other => panic!("no chart: {other:?}"),
     }
 }
 

@@ -160,7 +160,11 @@ fn spec_and_chart_step(
     p: usize,
 ) -> Step<Result<Stored<ChartOutcome>>> {
     let Some(own) = snapshot.patch_charts.get(&patches.identities[p]) else {
-        return chart_step(context, &snapshot.chart, patches, p).map(Ok);
+        let chart = chart_step(context, &snapshot.chart, patches, p)?;
+        return match refusal(&chart, patches, p) {
+            Some(error) => Err(error.into()),
+            None => Ok(Ok(chart)),
+        };
     };
     let spec = match own.localised(&patches.patches[p].2, &surface.imported.mesh.positions) {
         Ok(spec) => spec,
@@ -169,6 +173,7 @@ fn spec_and_chart_step(
     match chart_step(context, &spec, patches, p) {
         Ok(chart) => match &*chart.value {
             ChartOutcome::Mapped(_) => Ok(Ok(chart)),
+            ChartOutcome::Refused(error) => Ok(Err(refusal(&chart, patches, p).unwrap_or_else(|| error.clone()))),
             ChartOutcome::MustSplit { reason, .. } => {
                 let message = format!("patch {p} has no usable chart under its own specification: {reason}");
                 Ok(Err(EngineError::new(Reason::ChartFailed, message)
@@ -181,21 +186,25 @@ fn spec_and_chart_step(
     }
 }
 
+/// Why a chart is refused, with elements of the surface.
+pub(super) fn refusal(chart: &ChartOutcome, patches: &PatchSet, p: usize) -> Option<EngineError> {
+    match chart {
+        ChartOutcome::Refused(error) => Some(named_on_surface(error.clone(), &patches.patches[p].2).with_metadata("patch", p)),
+        ChartOutcome::Mapped(_) | ChartOutcome::MustSplit { .. } => None,
+    }
+}
+
 /// The chart a patch would have under another specification (vertices of the imported mesh), and the maps that were tried for it.
 pub(super) fn preview_step(
     context: &Context<'_>,
     layout: &Layout,
     p: usize,
     spec: &ChartSpec,
-) -> Step<(Result<Stored<ChartOutcome>>, Vec<Stored<SolvedMap>>)> {
+) -> Step<(Stored<ChartOutcome>, Vec<Stored<SolvedMap>>)> {
     let map = &layout.patches.patches[p].2;
     let spec = spec.localised(map, &layout.surface.imported.mesh.positions)?;
     let tried = tried_maps(context, &spec, &layout.patches, p).map_err(|halt| on_surface(halt, map))?;
-    let chart = match chart_step(context, &spec, &layout.patches, p) {
-        Ok(chart) => Ok(chart),
-        Err(Halt::Error(error)) if error.reason() == Reason::ChartFailed => Err(error),
-        Err(halt) => return Err(halt),
-    };
+    let chart = chart_step(context, &spec, &layout.patches, p)?;
     Ok((chart, tried))
 }
 
@@ -206,19 +215,23 @@ fn chart_step(context: &Context<'_>, spec: &ChartSpec, patches: &PatchSet, p: us
         f.fingerprint(*fingerprint).text(&format!("{spec:?}"));
     });
     let tried = || tried_maps(context, spec, patches, p);
-    context.staged(key, Subject::Patch(p as u32), tried, |tried, _| conclude(patch, spec, &tried)).map_err(|halt| on_surface(halt, map))
+    context.staged(key, Subject::Patch(p as u32), tried, |tried, _| Ok(conclude(patch, spec, &tried))).map_err(|halt| on_surface(halt, map))
 }
 
-/// The same halt with elements of the surface in place of those of a patch.
 fn on_surface(halt: Halt, map: &PatchMap) -> Halt {
-    let name = |table: &[u32], id: u32| table.get(id as usize).copied().unwrap_or(id);
     match halt {
-        Halt::Error(error) => Halt::Error(error.map_locations(|location| {
-            let table = if location.element == Element::Face { &map.faces } else { &map.vertices };
-            Location { ids: location.ids.iter().map(|&id| name(table, id)).collect(), ..location }
-        })),
+        Halt::Error(error) => Halt::Error(named_on_surface(error, map)),
         Halt::Unknown => Halt::Unknown,
     }
+}
+
+/// The same error with elements of the surface in place of those of a patch.
+fn named_on_surface(error: EngineError, map: &PatchMap) -> EngineError {
+    let name = |table: &[u32], id: u32| table.get(id as usize).copied().unwrap_or(id);
+    error.map_locations(|location| {
+        let table = if location.element == Element::Face { &map.faces } else { &map.vertices };
+        Location { ids: location.ids.iter().map(|&id| name(table, id)).collect(), ..location }
+    })
 }
 
 /// The maps of a patch up to the first that can be used.

@@ -27,7 +27,7 @@ fn sheet(bump: f64) -> SurfaceMesh {
     });
     let quads = (0..SIDE * SIDE).map(|k| (k / SIDE) * n + k % SIDE);
     let triangles = quads.flat_map(|a| [[a, a + 1, a + n + 1], [a, a + n + 1, a + n]]);
-    SurfaceMesh { positions: positions.collect(), triangles: triangles.collect(), ..SurfaceMesh::default() }
+    SurfaceMesh::from_parts(positions.collect(), triangles.collect())
 }
 
 fn mesh(bump: f64) -> Change {
@@ -86,7 +86,7 @@ fn edits_of_a_chart_run_what_they_touch_and_plans_say_so() {
     let layout = layout(&engine, &session);
     assert_eq!(layout.charts.len(), 1);
     let [a, b, c] = [0, SIDE, (SIDE + 1) * SIDE];
-    let square = BoundaryShape::Rectangle { ratio: Some(1.0), corners: None };
+    let square = BoundaryShape::Rectangle { ratio: Some(1.0), corners: Some([0, SIDE, 624, 600]) };
     use ChartMethod::{Barycentric, Harmonic, MeanValue, SpectralConformal};
     let steps: Vec<(&str, ChartSpec, &[&str])> = vec![
         // The default chart was spectral: interior and conformal factors are there.

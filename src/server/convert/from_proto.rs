@@ -1,6 +1,7 @@
 //! Wire messages to engine inputs. Checks what the wire cannot express (required fields, known enum numbers, whole rows of packed
 //! arrays); ranges of numbers are the engine's to check.
 
+use super::charts::{self, within};
 use crate::state::blob_digest;
 use bytes::Bytes;
 use remesh_engine::EngineError;
@@ -11,7 +12,7 @@ use remesh_engine::features::{FeatureSpec, RegionBorders};
 use remesh_engine::import::{Format, ImportOptions, ObjRegions};
 use remesh_engine::mesh::{LengthUnit, Region, SurfaceMesh};
 use remesh_engine::optimize::OptimizeSpec;
-use remesh_engine::parametrize::{ChartMethod, ChartSpec};
+use remesh_engine::parametrize::ChartSpec;
 use remesh_engine::partition::PartitionSpec;
 use remesh_engine::planar::Mesher;
 use remesh_engine::quality::QualityScope;
@@ -27,7 +28,7 @@ fn required<T>(value: Option<T>, field: &str) -> Result<T> {
 }
 
 /// The enum value of a number on the wire.
-fn known<E: TryFrom<i32>>(number: i32, field: &str) -> Result<E> {
+pub(super) fn known<E: TryFrom<i32>>(number: i32, field: &str) -> Result<E> {
     E::try_from(number).map_err(|_| EngineError::bad_parameter(field, format!("{number} is not a value of this enumeration")))
 }
 
@@ -76,9 +77,21 @@ fn unit(number: i32, field: &str) -> Result<LengthUnit> {
     })
 }
 
+/// A mesh of a session.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum WhichMesh {
+    /// As imported.
+    Input,
+    /// As remeshed.
+    Result,
+}
+
 /// Which mesh of a session is meant.
-pub(crate) fn is_result(source: i32) -> Result<bool> {
-    Ok(known::<v1::MeshSource>(source, "source")? != v1::MeshSource::Input)
+pub(crate) fn which_mesh(source: i32) -> Result<WhichMesh> {
+    Ok(match known(source, "source")? {
+        v1::MeshSource::Input => WhichMesh::Input,
+        v1::MeshSource::Unspecified | v1::MeshSource::Result => WhichMesh::Result,
+    })
 }
 
 /// What to measure.
@@ -186,16 +199,9 @@ fn positive(value: f64, field: &str) -> Result<()> {
     }
 }
 
-/// Which charts.
+/// Which charts, for all patches without a spec of their own.
 pub(crate) fn charts(spec: &v1::ChartSpec) -> Result<ChartSpec> {
-    Ok(match known(spec.method, "charts.method")? {
-        v1::ChartMethod::Unspecified | v1::ChartMethod::Automatic => ChartSpec::default(),
-        v1::ChartMethod::SpectralConformal => ChartSpec::only(ChartMethod::SpectralConformal),
-        v1::ChartMethod::LeastSquaresConformal => ChartSpec::only(ChartMethod::LeastSquaresConformal),
-        v1::ChartMethod::MeanValue => ChartSpec::only(ChartMethod::MeanValue),
-        v1::ChartMethod::Harmonic => ChartSpec::only(ChartMethod::Harmonic),
-        v1::ChartMethod::Barycentric => ChartSpec::only(ChartMethod::Barycentric),
-    })
+    charts::spec(spec).map_err(|error| within("charts", error))
 }
 
 /// Which sizes.

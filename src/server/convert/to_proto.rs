@@ -1,12 +1,12 @@
 //! Engine results to wire messages. Nothing here can fail.
 
+use super::charts;
 use crate::status::location;
 use remesh_engine::diagnose::{Defect, Diagnosis, Finding};
 use remesh_engine::features::{FeatureSpec, RegionBorders};
 use remesh_engine::import::ImportReport;
 use remesh_engine::mesh::{LengthUnit, Region, SurfaceMesh};
 use remesh_engine::optimize::OptimizeSpec;
-use remesh_engine::parametrize::{Chart, ChartAttempt, ChartMethod, ChartSpec};
 use remesh_engine::partition::{PartitionSpec, PatchSummary};
 use remesh_engine::planar::Mesher;
 use remesh_engine::quality::{Fidelity, QualityReport, ShapeQuality, TopologyNumbers};
@@ -56,7 +56,14 @@ fn stage_record(record: &StageRecord) -> v1::StageRecord {
     }
 }
 
-pub(crate) fn planned_stage(record: &StageRecord) -> v1::PlannedStage {
+/// A plan: its stages, how many are cached, how many would run, and the sum of the estimates.
+pub(crate) fn plan(records: &[StageRecord]) -> (Vec<v1::PlannedStage>, u32, u32, f64) {
+    let hits = records.iter().filter(|r| r.outcome == Outcome::Hit).count() as u32;
+    let milliseconds = records.iter().map(|r| r.milliseconds).sum();
+    (records.iter().map(planned_stage).collect(), hits, records.len() as u32 - hits, milliseconds)
+}
+
+fn planned_stage(record: &StageRecord) -> v1::PlannedStage {
     v1::PlannedStage {
         stage: record.stage.name().to_owned(),
         subject: subject(record.subject),
@@ -166,37 +173,6 @@ pub(crate) fn patch_summary(number: usize, patch: &PatchSummary) -> v1::PatchSum
     }
 }
 
-fn chart_method(method: ChartMethod) -> v1::ChartMethod {
-    match method {
-        ChartMethod::SpectralConformal => v1::ChartMethod::SpectralConformal,
-        ChartMethod::LeastSquaresConformal => v1::ChartMethod::LeastSquaresConformal,
-        ChartMethod::MeanValue => v1::ChartMethod::MeanValue,
-        ChartMethod::Harmonic => v1::ChartMethod::Harmonic,
-        ChartMethod::Barycentric => v1::ChartMethod::Barycentric,
-    }
-}
-
-fn chart_attempt(attempt: &ChartAttempt) -> v1::ChartAttempt {
-    v1::ChartAttempt {
-        method: chart_method(attempt.method).into(),
-        flipped: attempt.flipped,
-        overlaps: attempt.overlaps,
-        rejected: attempt.rejected.clone(),
-    }
-}
-
-pub(crate) fn chart_summary(patch: u32, chart: &Chart, faces: usize) -> v1::ChartSummary {
-    let d = chart.distortion;
-    v1::ChartSummary {
-        patch,
-        method: chart_method(chart.method).into(),
-        attempts: chart.attempts.iter().map(chart_attempt).collect(),
-        distortion: Some(v1::Distortion { angle_mean: d.angle.mean, angle_max: d.angle.max, area_min: d.area.min, area_max: d.area.max }),
-        vertices: chart.uv.len() as u64,
-        faces: faces as u64,
-    }
-}
-
 pub(crate) fn shape(shape: &ShapeQuality) -> v1::ShapeQuality {
     v1::ShapeQuality {
         vertices: shape.vertices,
@@ -246,10 +222,11 @@ pub(crate) fn inputs(snapshot: &Snapshot) -> v1::SessionInputs {
     v1::SessionInputs {
         features: Some(features(&snapshot.features)),
         partition: Some(partition(&snapshot.partition)),
-        charts: Some(charts(&snapshot.chart)),
+        charts: Some(charts::wire(&snapshot.chart)),
         size: snapshot.size.as_ref().map(size),
         mesher: Some(mesher(snapshot.mesher)),
         optimize: Some(optimize(&snapshot.optimize)),
+        patch_charts: snapshot.patch_charts.len() as u32,
     }
 }
 
@@ -269,14 +246,6 @@ fn features(spec: &FeatureSpec) -> v1::FeatureSpec {
 
 fn partition(spec: &PartitionSpec) -> v1::PartitionSpec {
     v1::PartitionSpec { patches: spec.patches, max_patch_faces: Some(spec.max_patch_faces), max_aspect_ratio: Some(spec.max_aspect_ratio) }
-}
-
-fn charts(spec: &ChartSpec) -> v1::ChartSpec {
-    let method = match spec.method {
-        None => v1::ChartMethod::Automatic,
-        Some(method) => chart_method(method),
-    };
-    v1::ChartSpec { method: method.into() }
 }
 
 fn size(spec: &SizeSpec) -> v1::SizeSpec {

@@ -1,7 +1,8 @@
 //! `MeshService`: meshes in and out of a session.
 
 use super::upload::receive;
-use crate::convert::{from_proto, to_proto};
+use crate::convert::from_proto::{self, WhichMesh};
+use crate::convert::to_proto;
 use crate::dispatch::{Call, Intent};
 use crate::state::{Shared, Target, blob_name};
 use crate::status::Fault;
@@ -13,7 +14,7 @@ use remesh_engine::mesh::SurfaceMesh;
 use remesh_engine::optimize::Remeshed;
 use remesh_engine::pipeline::{self, Run};
 use remesh_engine::session::{Change, Revision, Snapshot};
-use remesh_engine::stage::StageRecord;
+use remesh_engine::stage::{Stage, StageRecord};
 use remesh_engine::vector::kappa;
 use remesh_proto::v1;
 use remesh_proto::v1::mesh_service_server::MeshService;
@@ -65,13 +66,44 @@ impl Picked {
     }
 }
 
-fn pick(shared: &Shared, run: &Run<'_>, target: &Target, result: bool) -> EngineResult<(Picked, Vec<StageRecord>)> {
-    if result {
-        let answer = pipeline::remesh(&shared.engine, &target.snapshot, run)?;
-        Ok((Picked::Result(answer.value.result), answer.records))
-    } else {
-        let answer = pipeline::import(&shared.engine, &target.snapshot, run)?;
-        Ok((Picked::Input(answer.value), answer.records))
+fn pick(shared: &Shared, run: &Run<'_>, target: &Target, which: WhichMesh) -> EngineResult<(Picked, Vec<StageRecord>)> {
+    match which {
+        WhichMesh::Result => {
+            let answer = pipeline::remesh(&shared.engine, &target.snapshot, run)?;
+            Ok((Picked::Result(answer.value.result), answer.records))
+        }
+        WhichMesh::Input => {
+            let answer = pipeline::import(&shared.engine, &target.snapshot, run)?;
+            Ok((Picked::Input(answer.value), answer.records))
+        }
+    }
+}
+
+/// How dear a mesh of a session is.
+fn weight(shared: &Shared, run: &Run<'_>, target: &Target, which: WhichMesh) -> EngineResult<Intent> {
+    match which {
+        WhichMesh::Result => Ok(Intent::of_plan(&pipeline::plan(&shared.engine, &target.snapshot, run)?)),
+        WhichMesh::Input => {
+            let records = pipeline::plan_charts(&shared.engine, &target.snapshot, run)?;
+            Ok(Intent::of_plan(records.iter().filter(|record| record.stage == Stage::Import)))
+        }
+    }
+}
+
+fn needs_charts(columns: &[v1::DataColumn]) -> bool {
+    columns.contains(&v1::DataColumn::FacePatch) || columns.contains(&v1::DataColumn::FeatureEdges)
+}
+
+fn mesh_columns(request: &v1::ReadMeshDataRequest) -> EngineResult<Vec<v1::DataColumn>> {
+    from_proto::columns(&request.columns, &MESH_COLUMNS, &[v1::DataColumn::Positions, v1::DataColumn::Triangles])
+}
+
+fn weight_of_data(shared: &Shared, run: &Run<'_>, target: &Target, request: &v1::ReadMeshDataRequest) -> EngineResult<Intent> {
+    match from_proto::which_mesh(request.source)? {
+        WhichMesh::Input if needs_charts(&mesh_columns(request)?) => {
+            Ok(Intent::of_plan(&pipeline::plan_charts(&shared.engine, &target.snapshot, run)?))
+        }
+        which => weight(shared, run, target, which),
     }
 }
 
@@ -97,7 +129,7 @@ fn export(
     let begin = Instant::now();
     let format = from_proto::output_format(request.format, "format")?;
     let encoding = from_proto::encoding(request.encoding, "encoding")?;
-    let (picked, records) = pick(shared, run, target, from_proto::is_result(request.source)?)?;
+    let (picked, records) = pick(shared, run, target, from_proto::which_mesh(request.source)?)?;
     let patch = match &picked {
         Picked::Result(remeshed) => Some(remeshed.face_patch.as_slice()),
         Picked::Input(_) => None,
@@ -125,9 +157,9 @@ const MESH_COLUMNS: [v1::DataColumn; 6] = [
 ];
 
 /// Edges marked as features, as vertex pairs.
-fn feature_edges(charts: &pipeline::Charts) -> Vec<[u32; 2]> {
-    let topology = &charts.surface.topology;
-    let marked = (0..topology.halfedge_count() as u32).filter(|&h| charts.features.is_feature[h as usize]);
+fn feature_edges(layout: &pipeline::Layout) -> Vec<[u32; 2]> {
+    let topology = &layout.surface.topology;
+    let marked = (0..topology.halfedge_count() as u32).filter(|&h| layout.features.is_feature[h as usize]);
     marked.filter(|&h| topology.is_edge_representative(h)).map(|h| [topology.origin(h), topology.target(h)]).collect()
 }
 
@@ -169,13 +201,13 @@ fn read(
 ) -> EngineResult<Chunks<v1::ReadMeshDataResponse>> {
     use v1::read_mesh_data_response::Part;
     let begin = Instant::now();
-    let columns = from_proto::columns(&request.columns, &MESH_COLUMNS, &[v1::DataColumn::Positions, v1::DataColumn::Triangles])?;
-    let result = from_proto::is_result(request.source)?;
-    let (mesh, mut records) = pick(shared, run, target, result)?;
+    let columns = mesh_columns(request)?;
+    let which = from_proto::which_mesh(request.source)?;
+    let (mesh, mut records) = pick(shared, run, target, which)?;
     let mut data = MeshData { mesh, face_patch: Vec::new(), feature_edges: Vec::new() };
     let wants = |kind| columns.contains(&kind);
-    if !result && (wants(v1::DataColumn::FacePatch) || wants(v1::DataColumn::FeatureEdges)) {
-        let answer = pipeline::charts(&shared.engine, &target.snapshot, run)?;
+    if which == WhichMesh::Input && needs_charts(&columns) {
+        let answer = pipeline::layout(&shared.engine, &target.snapshot, run)?;
         data.face_patch = answer.value.partition.face_patch.clone();
         data.feature_edges = feature_edges(&answer.value);
         records = answer.records;
@@ -241,7 +273,9 @@ impl MeshService for Meshes {
         let mut call = Call::begin(&self.0, "DiagnoseMesh", &request)?;
         let request = request.into_inner();
         let target = call.target(&request.session, request.expected_revision)?;
-        call.compute(Intent::Short, move |shared, run| diagnose(shared, run, &target)).await
+        let planned = target.clone();
+        let intent = call.weigh(move |shared, run| weight(shared, run, &planned, WhichMesh::Input)).await;
+        call.compute(intent, move |shared, run| diagnose(shared, run, &target)).await
     }
 
     type ExportMeshStream = Watch<v1::ExportMeshResponse>;
@@ -250,7 +284,9 @@ impl MeshService for Meshes {
         let mut call = Call::begin(&self.0, "ExportMesh", &request)?;
         let request = request.into_inner();
         let target = call.target(&request.session, request.expected_revision)?;
-        call.bulk(Intent::Short, move |shared, run| export(shared, run, &target, &request)).await
+        let (planned, source) = (target.clone(), request.source);
+        let intent = call.weigh(move |shared, run| weight(shared, run, &planned, from_proto::which_mesh(source)?)).await;
+        call.bulk(intent, move |shared, run| export(shared, run, &target, &request)).await
     }
 
     type ReadMeshDataStream = Watch<v1::ReadMeshDataResponse>;
@@ -259,6 +295,8 @@ impl MeshService for Meshes {
         let mut call = Call::begin(&self.0, "ReadMeshData", &request)?;
         let request = request.into_inner();
         let target = call.target(&request.session, request.expected_revision)?;
-        call.bulk(Intent::Short, move |shared, run| read(shared, run, &target, &request)).await
+        let planned = (target.clone(), request.clone());
+        let intent = call.weigh(move |shared, run| weight_of_data(shared, run, &planned.0, &planned.1)).await;
+        call.bulk(intent, move |shared, run| read(shared, run, &target, &request)).await
     }
 }

@@ -6,7 +6,7 @@ use crate::state::{Shared, Target};
 use crate::stream::{Chunks, Column, Watch};
 use remesh_engine::EngineError;
 use remesh_engine::error::{Reason, Result as EngineResult};
-use remesh_engine::pipeline::{self, Charts, Run};
+use remesh_engine::pipeline::{self, Layout, Run};
 use remesh_proto::v1;
 use remesh_proto::v1::partition_service_server::PartitionService;
 use std::sync::Arc;
@@ -17,15 +17,20 @@ use tonic::{Request, Response, Status};
 #[derive(Debug, Clone)]
 pub(crate) struct Partitions(pub(crate) Arc<Shared>);
 
-/// The error for a patch that does not exist.
-pub(crate) fn check_patch(charts: &Charts, patch: u32) -> EngineResult<()> {
-    let count = charts.charts.len();
+/// The place of a patch in the lists of a layout, or the error for one that does not exist.
+pub(crate) fn check_patch(layout: &Layout, patch: u32) -> EngineResult<usize> {
+    let count = layout.charts.len();
     if (patch as usize) < count {
-        return Ok(());
+        return Ok(patch as usize);
     }
     Err(EngineError::new(Reason::PatchNotFound, format!("there is no patch {patch}; the surface has {count}"))
         .with_metadata("patch", patch)
         .with_metadata("patches", count))
+}
+
+/// How dear the charts of a session are.
+pub(crate) fn weight_of_layout(shared: &Shared, run: &Run<'_>, target: &Target) -> EngineResult<Intent> {
+    Ok(Intent::of_plan(&pipeline::plan_charts(&shared.engine, &target.snapshot, run)?))
 }
 
 fn partition(shared: &Shared, run: &Run<'_>, target: &Target) -> EngineResult<v1::PartitionResult> {
@@ -47,13 +52,12 @@ fn read(
     use v1::read_patch_data_response::Part;
     let begin = Instant::now();
     let columns = from_proto::columns(&request.columns, &PATCH_COLUMNS, &PATCH_COLUMNS)?;
-    let answer = pipeline::charts(&shared.engine, &target.snapshot, run)?;
-    let charts = answer.value;
-    check_patch(&charts, request.patch)?;
-    let number = request.patch as usize;
-    let (patch, _, map) = &charts.patches.patches[number];
+    let answer = pipeline::layout(&shared.engine, &target.snapshot, run)?;
+    let layout = answer.value;
+    let number = check_patch(&layout, request.patch)?;
+    let (patch, _, map) = &layout.patches.patches[number];
     let header = v1::PatchDataHeader {
-        patch: charts.partition.patches.get(number).map(|patch| to_proto::patch_summary(number, patch)),
+        patch: layout.partition.patches.get(number).map(|patch| to_proto::patch_summary(number, patch)),
         vertices: patch.positions.len() as u64,
         faces: patch.triangles.len() as u64,
         summary: Some(to_proto::summary(&answer.records, begin.elapsed().as_secs_f64() * 1e3)),
@@ -98,6 +102,8 @@ impl PartitionService for Partitions {
         let mut call = Call::begin(&self.0, "ReadPatchData", &request)?;
         let request = request.into_inner();
         let target = call.target(&request.session, request.expected_revision)?;
-        call.bulk(Intent::Short, move |shared, run| read(shared, run, &target, &request)).await
+        let planned = target.clone();
+        let intent = call.weigh(move |shared, run| weight_of_layout(shared, run, &planned)).await;
+        call.bulk(intent, move |shared, run| read(shared, run, &target, &request)).await
     }
 }

@@ -10,7 +10,6 @@ use remesh_engine::error::{Reason, Result as EngineResult};
 use remesh_engine::pipeline::{self, Run};
 use remesh_engine::quality::QualityScope;
 use remesh_engine::session::{Change, Session, Snapshot};
-use remesh_engine::stage::Outcome;
 use remesh_proto::v1;
 use remesh_proto::v1::remesh_service_server::RemeshService;
 use std::sync::Arc;
@@ -63,14 +62,8 @@ fn check_listed(patches: &[u32]) -> EngineResult<()> {
 
 fn plan(shared: &Shared, run: &Run<'_>, target: &Target) -> EngineResult<v1::PlanRemeshResponse> {
     let records = pipeline::plan(&shared.engine, &target.snapshot, run)?;
-    let hits = records.iter().filter(|r| r.outcome == Outcome::Hit).count() as u32;
-    Ok(v1::PlanRemeshResponse {
-        revision: target.revision(),
-        stages: records.iter().map(to_proto::planned_stage).collect(),
-        hits,
-        runs: records.len() as u32 - hits,
-        estimated_milliseconds: records.iter().map(|r| r.milliseconds).sum(),
-    })
+    let (stages, hits, runs, estimated_milliseconds) = to_proto::plan(&records);
+    Ok(v1::PlanRemeshResponse { revision: target.revision(), stages, hits, runs, estimated_milliseconds })
 }
 
 /// The inputs of a one-call remesh, as a session would hold them.

@@ -5,6 +5,8 @@ mod harness;
 
 #[path = "service/cancel.rs"]
 mod cancel;
+#[path = "service/charts.rs"]
+mod charts;
 #[path = "service/discovery.rs"]
 mod discovery;
 #[path = "service/edits.rs"]

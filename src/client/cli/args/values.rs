@@ -54,6 +54,61 @@ pub(crate) enum ChartMethod {
     Spectral,
     Lscm,
     MeanValue,
+    Harmonic,
+    Barycentric,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum HoleChoice {
+    /// Open, then centre, then plane: whatever passes the checks first
+    Auto,
+    /// Free
+    Open,
+    /// Filled with a vertex in the centre
+    Centre,
+    /// Filled with a mesh of the mean plane
+    Plane,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PinChoice {
+    Auto,
+    /// The two boundary vertices farthest apart
+    Farthest,
+    /// The ends of the principal axis of inertia
+    Inertia,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SpacingChoice {
+    /// By length along the curve
+    Arc,
+    /// By distance of consecutive points
+    Chord,
+}
+
+/// Which loop becomes the outer boundary of a chart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum OuterLoop {
+    Longest,
+    Through(u32),
+}
+
+/// A vertex that is held.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct PinArg {
+    pub(crate) vertex: u32,
+    pub(crate) target: Option<[f64; 2]>,
+}
+
+/// The curve that the outer loop is put on.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum BoundaryCurve {
+    Circle,
+    Ellipse(f64),
+    Rectangle(Option<f64>),
+    Polygon(Vec<[f64; 2]>),
+    MeanPlane,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -107,7 +162,47 @@ pub(super) fn feature_angle(text: &str) -> Result<FeatureAngle, String> {
     }
 }
 
-pub(super) fn session_name(text: &str) -> Result<String, String> {
+fn point(text: &str) -> Result<[f64; 2], String> {
+    let (u, v) = text.split_once(',').ok_or_else(|| format!("'{text}' is not a point u,v"))?;
+    Ok([number(u.trim())?, number(v.trim())?])
+}
+
+fn vertex(text: &str) -> Result<u32, String> {
+    text.parse().map_err(|_| format!("'{text}' is not a vertex number"))
+}
+
+pub(super) fn outer_loop(text: &str) -> Result<OuterLoop, String> {
+    if text == "longest" { Ok(OuterLoop::Longest) } else { vertex(text).map(OuterLoop::Through) }
+}
+
+/// `17` or `17:0.5,-2`.
+pub(super) fn pin(text: &str) -> Result<PinArg, String> {
+    match text.split_once(':') {
+        None => Ok(PinArg { vertex: vertex(text)?, target: None }),
+        Some((name, target)) => Ok(PinArg { vertex: vertex(name)?, target: Some(point(target)?) }),
+    }
+}
+
+/// `circle`, `ellipse:2`, `square`, `rectangle`, `rectangle:1.5`, `polygon:0,0;1,0;0,1`, `mean-plane`.
+pub(super) fn boundary(text: &str) -> Result<BoundaryCurve, String> {
+    let (name, value) = text.split_once(':').map_or((text, None), |(name, value)| (name, Some(value)));
+    match (name, value) {
+        ("circle", None) => Ok(BoundaryCurve::Circle),
+        ("square", None) => Ok(BoundaryCurve::Rectangle(Some(1.0))),
+        ("mean-plane", None) => Ok(BoundaryCurve::MeanPlane),
+        ("rectangle", ratio) => Ok(BoundaryCurve::Rectangle(ratio.map(positive).transpose()?)),
+        ("ellipse", Some(ratio)) => positive(ratio).map(BoundaryCurve::Ellipse),
+        ("polygon", Some(points)) => points.split(';').map(point).collect::<Result<_, _>>().map(BoundaryCurve::Polygon),
+        _ => Err("use circle, ellipse:R, square, rectangle[:R], polygon:u,v;u,v;u,v or mean-plane".into()),
+    }
+}
+
+/// Whether the positional argument of `remesh chart` names a session rather than a file.
+pub(crate) fn names_session(text: &str) -> bool {
+    text.starts_with("sessions/") || !text.contains(['.', '/', '\\'])
+}
+
+pub(crate) fn session_name(text: &str) -> Result<String, String> {
     let id = text.strip_prefix("sessions/").unwrap_or(text);
     if id.is_empty() || id.contains('/') || id.chars().any(char::is_whitespace) {
         return Err("expected sessions/ID or ID".into());
@@ -137,11 +232,28 @@ mod tests {
     use super::*;
 
     #[test]
+    fn conditions_of_charts_are_read() {
+        assert_eq!(pin("17"), Ok(PinArg { vertex: 17, target: None }));
+        assert_eq!(pin("17:0.5,-2"), Ok(PinArg { vertex: 17, target: Some([0.5, -2.0]) }));
+        assert_eq!(boundary("square"), Ok(BoundaryCurve::Rectangle(Some(1.0))));
+        assert_eq!(boundary("rectangle"), Ok(BoundaryCurve::Rectangle(None)));
+        assert_eq!(boundary("polygon:0,0;1,0;0,1"), Ok(BoundaryCurve::Polygon(vec![[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])));
+        assert_eq!(outer_loop("longest"), Ok(OuterLoop::Longest));
+        for bad in ["", "-1", "3:", "3:1", "3:nan,0", "3:1,2,3", "3:inf,0"] {
+            assert!(pin(bad).is_err(), "{bad}");
+        }
+        for bad in ["", "ellipse", "ellipse:0", "circle:2", "polygon:0,0;1", "rectangle:-1", "heart"] {
+            assert!(boundary(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
     fn names_and_times_are_read() {
         assert_eq!(session_name("abc"), Ok("sessions/abc".into()));
         assert_eq!(session_name("sessions/abc"), Ok("sessions/abc".into()));
         assert_eq!(duration("90"), Ok(Duration::from_secs(90)));
         assert_eq!(duration("2h"), Ok(Duration::from_secs(7200)));
+        assert!(names_session("a1b2") && names_session("sessions/a1") && !names_session("a.stl") && !names_session("./a"));
         assert!(duration("0").is_err() && duration("h").is_err() && duration("99999999999d").is_err());
     }
 }

@@ -86,6 +86,7 @@ fn a_ramp_of_more_than_one_turn_overlaps_and_falls_back() {
             chart.attempts
         }
         ChartOutcome::MustSplit { attempts, .. } => attempts,
+        ChartOutcome::Refused(error) => panic!("{error}"),
     };
     assert!(automatic[0].method == ChartMethod::SpectralConformal && automatic[0].overlaps && automatic[0].flipped == 0);
     // The order is that of P1 figure 23.

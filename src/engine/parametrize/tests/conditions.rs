@@ -12,7 +12,7 @@ fn chart_as(form: Form, patch: &Patch, spec: &ChartSpec) -> Result<ChartOutcome>
 fn mapped(outcome: ChartOutcome) -> Chart {
     match outcome {
         ChartOutcome::Mapped(chart) => chart,
-        ChartOutcome::MustSplit { reason, .. } => panic!("must split: {reason}"),
+        other => panic!("{other:?}"),
     }
 }
 
@@ -160,6 +160,7 @@ fn convex_maps_are_one_to_one_over_random_meshes_on_strictly_convex_curves() {
                     ChartOutcome::MustSplit { attempts, reason } => {
                         assert!(reason.contains("differ") && attempts.iter().all(|a| a.flipped_before == 0), "{reason}");
                     }
+                    ChartOutcome::Refused(error) => panic!("{error}"),
                 }
             }
         }

@@ -81,6 +81,7 @@ fn mean_value_is_one_to_one_on_discs_with_slivers() {
         match outcome(&patch, ChartSpec::only(ChartMethod::MeanValue)).unwrap() {
             ChartOutcome::Mapped(chart) => assert_promises(&patch, &chart),
             ChartOutcome::MustSplit { reason, .. } => assert!(reason.contains("differ"), "{reason}"),
+            ChartOutcome::Refused(error) => panic!("{error}"),
         }
         assert_promises(&patch, &chart(&patch, ChartSpec::default()));
     }
