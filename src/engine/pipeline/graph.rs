@@ -203,8 +203,8 @@ pub(super) fn preview_step(
 ) -> Step<(Stored<ChartOutcome>, Vec<Stored<SolvedMap>>)> {
     let map = &layout.patches.patches[p].2;
     let spec = spec.localised(map, &layout.surface.imported.mesh.positions)?;
-    let tried = tried_maps(context, &spec, &layout.patches, p).map_err(|halt| on_surface(halt, map))?;
     let chart = chart_step(context, &spec, &layout.patches, p)?;
+    let tried = tried_maps(context, &spec, &layout.patches, p).map_err(|halt| on_surface(halt, map))?;
     Ok((chart, tried))
 }
 
