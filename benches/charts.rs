@@ -153,7 +153,8 @@ fn one_patch(path: &str) -> Patch {
 
 /// Elimination order, factors, solution and checks of the first map of a method.
 fn cold_map(patch: &Patch, method: ChartMethod, work: &Work<'_>) -> MapVerdict {
-    let spec = ChartSpec { pins: if method == ChartMethod::Harmonic { Pins::Automatic } else { Pins::Farthest }, ..ChartSpec::only(method) };
+    let spec =
+        ChartSpec { pins: if method == ChartMethod::Harmonic { Pins::Automatic } else { Pins::Farthest }, ..ChartSpec::only(method) };
     let spec = ChartSpec { holes: Holes::Open, ..spec };
     let maps = candidate_maps(patch, &spec).expect("the spec fits");
     let system = plan_system(patch, work).expect("the patch is sound");
@@ -178,7 +179,11 @@ fn cold_times(paths: &[String]) {
             let each = |total: f64| total / f64::from(ROUNDS);
             let (cpu, wall) = (each(cpu_ms() - cpu), each(begin.elapsed().as_secs_f64() * 1e3));
             let verdict = format!("{verdict:?}");
-            println!("  {:<24} user CPU {cpu:>6.1} ms, wall {wall:>6.1} ms  ({})", method.name(), verdict.split(['{', '(']).next().unwrap_or(""));
+            println!(
+                "  {:<24} user CPU {cpu:>6.1} ms, wall {wall:>6.1} ms  ({})",
+                method.name(),
+                verdict.split(['{', '(']).next().unwrap_or("")
+            );
         }
     }
 }

@@ -93,8 +93,17 @@ fn all_methods(name: &str, source: MeshSource, options: ImportOptions) {
 }
 
 const MODELS: [&str; 11] = [
-    "bunny.obj", "pelvisSMOOTH.stl", "aorta2.stl", "bypass.stl", "carotid.stl", "skull.stl", "rocker-arm.obj", "3holes.off", "lilium.obj",
-    "fandisk.obj", "t13_data.stl",
+    "bunny.obj",
+    "pelvisSMOOTH.stl",
+    "aorta2.stl",
+    "bypass.stl",
+    "carotid.stl",
+    "skull.stl",
+    "rocker-arm.obj",
+    "3holes.off",
+    "lilium.obj",
+    "fandisk.obj",
+    "t13_data.stl",
 ];
 
 #[test]
@@ -133,7 +142,7 @@ fn conformal_charts_give_better_meshes_than_mean_value_ones() {
             let begin = Instant::now();
             let remesh = pipeline::remesh(&engine, &session.snapshot(), &run).unwrap_or_else(|e| panic!("{name} {method:?}: {e}")).value;
             let seconds = begin.elapsed().as_secs_f64();
-            let (_, report) = pipeline::quality(&engine, &session.snapshot(), QualityScope::Shape, &run).unwrap().value;
+            let (_, report) = pipeline::quality(&engine, &session.snapshot(), QualityScope::Elements, &run).unwrap().value;
             let shape = &report.shape;
             println!(
                 "{name:<18} {:<20} kappa min {:.3} mean {:.4}, tau {:.1}, {} triangles, {seconds:.2} s, {} patches",

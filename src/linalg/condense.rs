@@ -42,10 +42,11 @@ impl CondensationPlan {
             return Err(SolveError::Shape { rows: size, columns: kept.len() });
         }
         let Order { forward, inverse } = kept_last(&starts, matrix.indices(), kept)?;
-        let params = CholeskySymbolicParams { supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL, ..Default::default() };
+        let params =
+            CholeskySymbolicParams { supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL, ..Default::default() };
         let ordering = SymmetricOrdering::Custom(PermRef::new_checked(&forward, &inverse, size));
-        let symbolic = factorize_symbolic_cholesky(a.symbolic(), Side::Upper, ordering, params)
-            .map_err(|e| SolveError::Resources(e.to_string()))?;
+        let symbolic =
+            factorize_symbolic_cholesky(a.symbolic(), Side::Upper, ordering, params).map_err(|e| SolveError::Resources(e.to_string()))?;
         Ok(CondensationPlan { symbolic, place: inverse, kept: kept.to_vec(), entries: matrix.nnz() })
     }
 

@@ -121,9 +121,7 @@ pub fn factor_boundary(patch: &Patch, factor: Option<&ChartFactor>, spec: Proble
     Ok(BoundaryFactor(match spec.family {
         Family::Conformal => Problem::Conformal(ConformalProblem::new(&domain, interior()?, work)?),
         Family::Held(_) => Problem::Dirichlet(DirichletProblem::new(&domain, interior()?, work)?),
-        Family::MeanValue => {
-            Problem::MeanValue { problem: MeanValueProblem::new(&domain, work)?, shapes: FaceShapes::of(&domain) }
-        }
+        Family::MeanValue => Problem::MeanValue { problem: MeanValueProblem::new(&domain, work)?, shapes: FaceShapes::of(&domain) },
     }))
 }
 
@@ -227,9 +225,7 @@ fn positions_of(
     match &boundary.0 {
         Problem::MeanValue { problem, .. } => problem.solve(&held()?, count),
         Problem::Dirichlet(problem) => problem.solve(&held()?)?.spread(interior()?, count),
-        Problem::Conformal(problem) if map.method == ChartMethod::SpectralConformal => {
-            problem.spectral(work)?.0.spread(interior()?, count)
-        }
+        Problem::Conformal(problem) if map.method == ChartMethod::SpectralConformal => problem.spectral(work)?.0.spread(interior()?, count),
         Problem::Conformal(problem) => {
             let default = [[0.0, 0.0], [1.0, 0.0]];
             let targets = if map.targets.is_empty() { &default[..] } else { &map.targets };

@@ -66,9 +66,7 @@ pub(super) fn plan_as(patch: &Patch, form: Form, work: &Work<'_>) -> Result<Char
     let pattern = stiffness(&patch.triangles, |_| Flat::default(), patch.positions.len(), |v| v, Weights::Uniform)?;
     work.check()?;
     let plan = match form {
-        Form::Condensed => {
-            Plan::Condensed(Arc::new(CondensationPlan::new(&pattern, &loop_vertices(patch)).map_err(|e| solver_error(&e))?))
-        }
+        Form::Condensed => Plan::Condensed(Arc::new(CondensationPlan::new(&pattern, &loop_vertices(patch)).map_err(|e| solver_error(&e))?)),
         Form::Whole => Plan::Whole(Arc::new(CholeskyPlan::new(&pattern).map_err(|e| solver_error(&e))?)),
     };
     Ok(ChartSystem { plan })

@@ -293,10 +293,15 @@ fn factor_step(context: &Context<'_>, weights: Weights, patches: &PatchSet, p: u
         f.fingerprint(*fingerprint).text(&format!("{weights:?}"));
     });
     let of = key.input;
-    context.staged(key, Subject::Patch(p as u32), || system_step(context, patches, p), |system, work| {
-        let factor = factor_system(patch, &system.value.factor, weights, work)?;
-        Ok(Kept { bytes: factor.bytes(), factor, of })
-    })
+    context.staged(
+        key,
+        Subject::Patch(p as u32),
+        || system_step(context, patches, p),
+        |system, work| {
+            let factor = factor_system(patch, &system.value.factor, weights, work)?;
+            Ok(Kept { bytes: factor.bytes(), factor, of })
+        },
+    )
 }
 
 /// Keyed by connectivity only, so that it outlives moved vertices.

@@ -31,7 +31,9 @@ fn laplacian(side: usize) -> RealMatrix {
 
 fn border(side: usize) -> Vec<u32> {
     let n = side * side;
-    (0..n as u32).filter(|&v| (v as usize) % side == 0 || (v as usize) % side == side - 1 || (v as usize) < side || v as usize >= n - side).collect()
+    (0..n as u32)
+        .filter(|&v| (v as usize) % side == 0 || (v as usize) % side == side - 1 || (v as usize) < side || v as usize >= n - side)
+        .collect()
 }
 
 fn multiply(matrix: &RealMatrix, x: &[f64]) -> Vec<f64> {
