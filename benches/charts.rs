@@ -147,7 +147,7 @@ fn one_patch(path: &str) -> Patch {
     let mesh = import_mesh(&blob.bytes, &ImportOptions::default(), &work).expect("the file is a surface").mesh;
     let topology = Topology::build(&mesh.triangles, mesh.positions.len()).expect("the surface is manifold");
     let faces = mesh.triangles.len();
-    let partition = Partition { face_patch: vec![0; faces], patches: vec![PatchSummary::default()], ..Partition::default() };
+    let partition = Partition { face_patch: vec![0; faces], patches: vec![PatchSummary::default()] };
     extract_patches(&mesh, &topology, &partition).expect("the surface has a boundary").remove(0).0
 }
 
