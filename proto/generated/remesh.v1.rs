@@ -1049,7 +1049,7 @@ pub struct PinSpec {
     /// How they are chosen. Not together with `given`.
     #[prost(enumeration = "PinChoice", tag = "1")]
     pub choice: i32,
-    /// These, 2 to 256. Two without targets fix a similarity, and the chart is scaled to the area of the patch; with targets the chart
+    /// These, 2 to 64; each costs a solve. Two without targets fix a similarity, and the chart is scaled to the area of the patch; with targets the chart
     /// goes exactly there. More than two need targets.
     #[prost(message, repeated, tag = "2")]
     pub given: ::prost::alloc::vec::Vec<Pin>,
@@ -1361,7 +1361,8 @@ impl MesherKind {
 pub enum HoleTreatment {
     /// Automatic.
     Unspecified = 0,
-    /// Free first, then with a vertex in the centre, then with a mesh of the mean plane: whatever passes the checks first.
+    /// Whatever passes the checks first: free, then with a vertex in the centre, then with a mesh of the mean plane; filled first for
+    /// methods that hold the outer loop and for an outer loop that is not the longest.
     Automatic = 1,
     /// Free.
     Open = 2,

@@ -214,6 +214,12 @@ impl EngineError {
         self
     }
 
+    /// The same error with a message that begins with what it is about.
+    pub fn about(mut self, what: &str) -> Self {
+        self.0.message = format!("{what}: {}", self.0.message);
+        self
+    }
+
     /// The same error with its locations changed: for ids that get other names.
     pub fn map_locations(mut self, change: impl Fn(Location) -> Location) -> Self {
         self.0.locations = std::mem::take(&mut self.0.locations).into_iter().map(change).collect();

@@ -61,18 +61,18 @@ pub struct Charts {
     pub resplit: u32,
 }
 
-/// A partitioned surface whose charts may have failed where patches have a specification of their own.
+/// A partitioned surface, some of whose patches may have a specification that gives no chart.
 #[derive(Debug, Clone)]
 pub struct Layout {
     /// The surface.
     pub surface: Surface,
     /// Its features.
     pub features: Stored<Features>,
-    /// The partition: its patches have a chart or a specification of their own.
+    /// The partition: its patches have a chart or a specification that gives none.
     pub partition: Stored<Partition>,
     /// The patches.
     pub patches: Stored<PatchSet>,
-    /// Chart of each patch (mapped), or what is wrong with its own specification.
+    /// Chart of each patch (mapped), or what is wrong with its specification.
     pub charts: Vec<Result<Stored<ChartOutcome>>>,
     /// How many patches had to be split because no chart of theirs was usable.
     pub resplit: u32,
@@ -207,7 +207,7 @@ pub fn charts(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Ans
     Context::execute(engine, run, |context| graph::charts_step(context, snapshot))
 }
 
-/// The patches with their numbers, also if the own specification of some gives no chart. As dear as [`charts`].
+/// The patches with their numbers, also if the specification of some gives no chart. As dear as [`charts`].
 ///
 /// # Errors
 /// Those of [`charts`], but for the failures it holds.

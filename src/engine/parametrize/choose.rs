@@ -2,7 +2,7 @@
 
 use super::map::{MapSpec, MapVerdict, SolvedMap};
 use super::outcome::{Chart, ChartAttempt, ChartOutcome, Filling, HoleFilling};
-use super::spec::{ChartMethod, ChartSpec, Holes, OuterLoop, Pins, check_vertex};
+use super::spec::{BoundaryShape, ChartMethod, ChartSpec, Holes, OuterLoop, Pins, check_vertex};
 use super::{pins, validity};
 use crate::error::{Element, EngineError, Location, Reason, Result};
 use crate::patch::Patch;
@@ -26,7 +26,7 @@ pub fn candidate_maps(patch: &Patch, spec: &ChartSpec) -> Result<Vec<MapSpec>> {
     };
     let mut maps = Vec::new();
     for method in methods {
-        let fillings = fillings(method, spec.holes, several);
+        let fillings = fillings(method, spec.holes, several, outer);
         let base =
             MapSpec { method, outer, filling: Filling::default(), pins: Vec::new(), targets: Vec::new(), boundary: spec.boundary.clone() };
         if method == ChartMethod::LeastSquaresConformal {
@@ -59,7 +59,7 @@ fn outer_loop(patch: &Patch, outer: OuterLoop) -> Result<usize> {
 }
 
 /// Virtual triangles to try. Held loops need filled holes to be one-to-one; free ones are tried bare first.
-fn fillings(method: ChartMethod, holes: Holes, several: bool) -> Vec<Filling> {
+fn fillings(method: ChartMethod, holes: Holes, several: bool, outer: usize) -> Vec<Filling> {
     let filling = |holes, ears| Filling { holes, ears };
     let (open, centre, plane) = (HoleFilling::Open, HoleFilling::CentreVertex, HoleFilling::MeanPlane);
     let chosen = match holes {
@@ -73,6 +73,7 @@ fn fillings(method: ChartMethod, holes: Holes, several: bool) -> Vec<Filling> {
         (_, true, true) => vec![filling(centre, false), filling(plane, false), filling(open, false)],
         (_, true, false) => vec![filling(open, false)],
         (_, false, false) => vec![filling(open, false), filling(open, true)],
+        (_, false, true) if outer != 0 => vec![filling(centre, false), filling(plane, false), filling(centre, true)],
         (_, false, true) => {
             vec![filling(open, false), filling(centre, false), filling(plane, false), filling(open, true), filling(centre, true)]
         }
@@ -162,7 +163,12 @@ pub fn conclude(patch: &Patch, spec: &ChartSpec, tried: &[impl std::ops::Deref<T
     let faces = blame.iter().flat_map(|(flipped, _)| flipped.iter().map(|&f| face_location(patch, f)));
     let edges = blame.iter().flat_map(|(_, crossing)| crossing.iter().flatten().map(|&e| edge_location(patch, e)));
     let error = EngineError::new(Reason::ChartFailed, format!("the requested {} map fails: {reason}", method.name()))
-        .with_hint("let the method be chosen automatically, or split the patch")
+        .with_hint(match &spec.boundary.shape {
+            BoundaryShape::Rectangle { .. } | BoundaryShape::Polygon { .. } => {
+                "faces with all corners on one straight side go flat: name the corners, or take a circle or an ellipse"
+            }
+            _ => "let the method be chosen automatically, or split the patch",
+        })
         .with_locations(edges.chain(faces));
     ChartOutcome::Refused(error)
 }

@@ -24,7 +24,8 @@ use std::sync::Arc;
 const SHIFTS: [f64; 3] = [1e-9, 1e-7, 1e-5];
 
 const MAX_INVERSE_ITERATIONS: usize = 60;
-const MAX_PIN_ITERATIONS: usize = 10;
+/// Two or three do on round patches; long strips have conformal modes almost as weak as the shift.
+const MAX_PIN_ITERATIONS: usize = 100;
 
 const ZERO: Complex = Complex::new(0.0, 0.0);
 

@@ -282,6 +282,9 @@ fn examine(patch: &Patch, shapes: &FaceShapes, map: &MapSpec, mut uv: Vec<Vec2>,
             Some(Overlap::Winding(_)) | None => None,
         };
         MapVerdict::NotBijective { flipped, crossing }
+    } else if map.outer != 0 && !validity::runs_counter_clockwise(&patch.loops[map.outer], &uv) {
+        "another loop came out outside".clone_into(&mut attempt.rejected);
+        MapVerdict::Unsolved(attempt.rejected.clone())
     } else {
         let variation = scale_variation(&patch.triangles, &shapes.areas, &chart_areas(&patch.triangles, &uv), patch.positions.len());
         if variation > MAX_SCALE_VARIATION {

@@ -71,14 +71,15 @@ pub enum OuterLoop {
     /// The longest.
     #[default]
     Longest,
-    /// The one through this vertex.
+    /// The one through this vertex. Methods with a free boundary then fill the other loops: only so does it come out outside.
     Through(u32),
 }
 
 /// What is done about the inner loops of a patch while it is mapped. Filling never reaches the chart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Holes {
-    /// Free first, then filled with a vertex in the centre, then with a mesh of the mean plane: whatever passes the checks first.
+    /// Whatever passes the checks first: free, then filled with a vertex in the centre, then with a mesh of the mean plane; for methods that
+    /// hold the outer loop, and for a chosen outer loop, filled first.
     #[default]
     Automatic,
     /// Free (zero Neumann boundary, P1 eq. 30).
@@ -185,6 +186,11 @@ impl ChartSpec {
             return Err(EngineError::bad_parameter("boundary", "the method asked for leaves the boundary free")
                 .with_hint("a boundary shape needs the harmonic, barycentric or mean value method"));
         }
+        let free = !self.method.is_some_and(ChartMethod::has_fixed_boundary);
+        if free && self.holes == Holes::Open && self.outer != OuterLoop::Longest {
+            return Err(EngineError::bad_parameter("outer_vertex", "a free boundary comes out outside only if the other loops are filled")
+                .with_hint("let holes be filled, or choose a method that holds the outer loop"));
+        }
         if let Pins::Given(pins) = &self.pins {
             validate_pins(pins)?;
         }
@@ -243,7 +249,7 @@ impl ChartSpec {
 }
 
 /// Most pins of one map: each costs a solve and a row of a dense matrix.
-pub const MAX_PINS: usize = 256;
+pub const MAX_PINS: usize = 64;
 
 fn validate_pins(pins: &[Pin]) -> Result<()> {
     if pins.len() < 2 || pins.len() > MAX_PINS {

@@ -49,7 +49,7 @@ pub(super) fn find_overlap(loops: &[Vec<u32>], uv: &[Vec2], work: &Work<'_>) -> 
 
 /// Whether a closed polygon whose edges do not meet runs counter-clockwise: exactly, by the turn at its lowest leftmost vertex, which
 /// is convex. That turn cannot be straight, or the two edges there would lie on one another.
-fn runs_counter_clockwise(ring: &[u32], uv: &[Vec2]) -> bool {
+pub(super) fn runs_counter_clockwise(ring: &[u32], uv: &[Vec2]) -> bool {
     let at = |k: usize| uv[ring[k % ring.len()] as usize];
     let before = |p: Vec2, q: Vec2| p[0] < q[0] || (p[0] == q[0] && p[1] < q[1]);
     let lowest = (0..ring.len()).fold(0, |best, k| if before(at(k), at(best)) { k } else { best });

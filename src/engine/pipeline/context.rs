@@ -106,6 +106,10 @@ impl<'a> Context<'a> {
         let mut records = self.records.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
         // Threads finish in any order; a stage that runs in rounds keeps the order of its rounds.
         records.sort_by_key(|r| (r.stage, r.subject));
+        // A factor that two stages of a chart ask for is one.
+        let shared = |r: &StageRecord| r.outcome == Outcome::Hit && matches!(r.stage, Stage::System | Stage::Factor | Stage::Boundary);
+        let same = |a: &StageRecord, b: &StageRecord| (a.stage, a.subject, a.bytes) == (b.stage, b.subject, b.bytes);
+        records.dedup_by(|later, first| shared(later) && same(later, first));
         records
     }
 

@@ -121,8 +121,8 @@ pub(super) fn charts_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Ch
     Ok(Charts { surface, features, partition, patches, charts, resplit })
 }
 
-/// The partition all of whose patches have a chart or a specification of their own. A patch with its own specification is never
-/// split: what is wrong with it is kept beside the others, so that it can be named and mended.
+/// The partition all of whose patches have a chart or a specification that gives none. A patch with a specification of its own is never
+/// split, nor is one whose named method is refused: what is wrong is kept beside the others, so that it can be named and mended.
 pub(super) fn layout_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Layout> {
     let surface = surface_step(context, snapshot)?;
     let features = features_step(context, snapshot, &surface)?;
@@ -153,7 +153,7 @@ pub(super) fn layout_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<La
         .into())
 }
 
-/// The chart of a patch under its own specification or that of the session. The inner error is that of its own specification.
+/// The chart of a patch under its own specification or that of the session. The inner error says that the specification gives none.
 fn spec_and_chart_step(
     context: &Context<'_>,
     snapshot: &Snapshot,
@@ -163,10 +163,10 @@ fn spec_and_chart_step(
 ) -> Step<Result<Stored<ChartOutcome>>> {
     let Some(own) = snapshot.patch_charts.get(&patches.identities[p]) else {
         let chart = chart_step(context, &snapshot.chart, patches, p)?;
-        return match refusal(&chart, patches, p) {
-            Some(error) => Err(error.into()),
-            None => Ok(Ok(chart)),
-        };
+        return Ok(match refusal(&chart, patches, p) {
+            Some(error) => Err(error),
+            None => Ok(chart),
+        });
     };
     let spec = match own.localised(&patches.patches[p].2, &surface.imported.mesh.positions) {
         Ok(spec) => spec,
@@ -254,7 +254,9 @@ fn one_map_fails<T>(halt: Halt) -> Step<Result<T>> {
 
 fn boundary_step(context: &Context<'_>, problem: ProblemSpec, patches: &PatchSet, p: usize) -> Step<Stored<Kept<BoundaryFactor>>> {
     let (patch, fingerprint, _) = &patches.patches[p];
-    let key = StageKey::new(Stage::Boundary, |f| {
+    // Mean value has no interior to share: its one factorization is the dear one.
+    let stage = if problem.family.interior().is_some() { Stage::Boundary } else { Stage::Factor };
+    let key = StageKey::new(stage, |f| {
         f.fingerprint(*fingerprint).text(&format!("{problem:?}"));
     });
     let of = key.input;

@@ -26,7 +26,9 @@ fn named_on_surface(error: EngineError, map: &PatchMap) -> EngineError {
 /// Why a chart is refused, with elements of the surface.
 pub(super) fn refusal(chart: &ChartOutcome, patches: &PatchSet, p: usize) -> Option<EngineError> {
     match chart {
-        ChartOutcome::Refused(error) => Some(named_on_surface(error.clone(), &patches.patches[p].2).with_metadata("patch", p)),
+        ChartOutcome::Refused(error) => {
+            Some(named_on_surface(error.clone(), &patches.patches[p].2).about(&format!("patch {p}")).with_metadata("patch", p))
+        }
         ChartOutcome::Mapped(_) | ChartOutcome::MustSplit { .. } => None,
     }
 }
