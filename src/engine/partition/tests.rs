@@ -321,7 +321,7 @@ fn a_vertex_where_a_patch_touches_itself_is_doubled() {
         (face_patch[f], face_patch[f + 1]) = (1, 1);
     }
     let patches = vec![PatchSummary::default(); 2];
-    let extracted = extract_patches(&case.mesh, &case.topology, &Partition { face_patch, patches }).unwrap();
+    let extracted = extract_patches(&case.mesh, &case.topology, &Partition { face_patch, patches, ..Partition::default() }).unwrap();
     let (patch, map) = &extracted[1];
     assert_eq!(map.vertices.iter().filter(|&&v| v == 12).count(), 2);
     let own = Topology::build(&patch.triangles, patch.positions.len()).unwrap();
