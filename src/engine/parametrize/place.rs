@@ -1,7 +1,7 @@
 //! Size, position and direction of a chart in the plane, and its distortion.
 
-use super::domain::{Domain, Flat};
 use super::outcome::{Distortion, FaceDistortion, Spread};
+use super::domain::{Domain, Flat};
 use crate::vector::Vec2;
 
 /// Layouts and areas of the faces of a patch in normalised coordinates.
