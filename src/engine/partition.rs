@@ -1,6 +1,7 @@
 //! Partition of a surface into patches of genus 0 with a boundary (P2 eq. 5), by a multilevel cut of the dual graph.
 
 mod bisect;
+mod depth;
 mod divide;
 mod graph;
 mod handles;

@@ -1,7 +1,8 @@
 //! Partition along handle loops: pieces with handles are cut along short disjoint loops to genus 0, then in two such that every loop has
 //! one of the two on either side (P3 section 4.2).
 
-use super::homology::{DisjointSets, handle_loops, holes_of};
+use super::depth::expected_charts;
+use super::homology::{DisjointSets, Loop, handle_loops, holes_of};
 use super::plane::limits_of;
 use super::surface::{Scratch, Surface, measure};
 use super::{Partition, PartitionSpec, complete, connected_sets, face_groups};
@@ -16,26 +17,48 @@ const NONE: u8 = 2;
 /// Rounds of finding loops without progress before the rest is left to the divider.
 const IDLE_ROUNDS: u32 = 2;
 
-/// Partitions along handle loops.
+/// Which of the loops of a handle are cut: those around it are mostly short, those along it mostly long. Short cuts leave tubes, along
+/// which a flat map shrinks exponentially; long ones open them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Loops {
+    /// The shortest disjoint ones.
+    Shortest,
+    /// The shortest of those that cross or depend on the shortest.
+    Dual,
+}
+
+/// Partitions along handle loops, around the handles or along them: what gives fewer patches, of equal numbers what is expected to need
+/// fewer charts.
 pub(super) fn by_handles(surface: &Surface<'_>, spec: &PartitionSpec, work: &Work<'_>) -> Result<Partition> {
-    let mut label = vec![0u32; surface.topology.face_count()];
-    let groups = face_groups(surface);
-    for (p, group) in groups.iter().enumerate() {
-        group.iter().for_each(|&f| label[f as usize] = p as u32);
+    let mut best: Option<((usize, f64), Partition)> = None;
+    for loops in [Loops::Shortest, Loops::Dual] {
+        let sets = open_handles(surface, face_groups(surface), loops, work)?;
+        let partition = complete(surface, sets, limits_of(spec), spec, work)?;
+        let score = (partition.patches.len(), expected_charts(surface, &partition, work)?);
+        if best.as_ref().is_none_or(|b| score < b.0) {
+            best = Some((score, partition));
+        }
+    }
+    best.map(|b| b.1).ok_or_else(|| EngineError::invariant("no loops were tried"))
+}
+
+/// Cuts every one of some disjoint connected sets of faces that has handles along short loops, in two halves of genus 0 (each of one
+/// connected set, or a few where the triangles leave no room).
+pub(super) fn open_handles(surface: &Surface<'_>, sets: Vec<Vec<u32>>, loops: Loops, work: &Work<'_>) -> Result<Vec<Vec<u32>>> {
+    let mut label = vec![u32::MAX; surface.topology.face_count()];
+    for (p, set) in sets.iter().enumerate() {
+        set.iter().for_each(|&f| label[f as usize] = 2 * p as u32);
     }
     let mut scratch = Scratch::new(surface.topology);
-    let mut halves = vec![0u8; label.len()];
-    for (p, group) in groups.iter().enumerate() {
+    for (p, set) in sets.iter().enumerate() {
         work.check()?;
-        let genus = measure(surface, &label, group, p as u32, &mut scratch).genus();
-        if genus > 0 {
-            for (&f, half) in group.iter().zip(halve(surface, group, work)?) {
-                halves[f as usize] = half;
+        if measure(surface, &label, set, 2 * p as u32, &mut scratch).genus() > 0 {
+            for (&f, half) in set.iter().zip(halve(surface, set, loops, work)?) {
+                label[f as usize] += u32::from(half);
             }
         }
     }
-    let sets = connected_sets(surface, |f, g| halves[f as usize] == halves[g as usize]);
-    complete(surface, sets, limits_of(spec), spec, work)
+    Ok(connected_sets(surface, |f, g| label[f as usize] == label[g as usize]))
 }
 
 /// A set of faces as a surface of its own. Halfedges keep their face and corner while it is cut open.
@@ -94,45 +117,29 @@ impl Sheet {
 
 /// Cuts a connected set of faces with handles in two: 0 or 1 for each face. Unless the loops lie too close for the triangles, the
 /// connected parts of both halves have genus 0. O(F log F) for each round of loops; a few rounds.
-fn halve(surface: &Surface<'_>, faces: &[u32], work: &Work<'_>) -> Result<Vec<u8>> {
+fn halve(surface: &Surface<'_>, faces: &[u32], loops: Loops, work: &Work<'_>) -> Result<Vec<u8>> {
     let mut sheet = Sheet::new(surface, faces);
     let closed = Sheet { twin: sheet.twin.clone(), length: Vec::new(), corner: Vec::new() };
-    let flat = cut_open(surface, &mut sheet, work)?;
+    let flat = cut_open(surface, &mut sheet, loops, work)?;
     two_sides(surface, faces, &closed, &flat, work)
 }
 
-/// Cuts the sheet along short loops until it has no handle; returns its adjacency then.
-fn cut_open(surface: &Surface<'_>, sheet: &mut Sheet, work: &Work<'_>) -> Result<Topology> {
+/// Cuts the sheet along disjoint loops until it has no handle; returns its adjacency then.
+fn cut_open(surface: &Surface<'_>, sheet: &mut Sheet, wanted: Loops, work: &Work<'_>) -> Result<Topology> {
     let mut topology = sheet.topology()?;
-    let mut idle = 0;
     let mut genus = topology.totals().1;
-    // Vertices of the whole surface on or next to cuts of this round, marked with the round.
-    let mut taken = vec![0u32; surface.topology.vertex_count()];
     let mut on_cut = vec![false; surface.topology.vertex_count()];
-    let mut round = 0u32;
+    let (mut idle, mut round) = (0, 0u32);
     while genus > 0 && idle < IDLE_ROUNDS {
-        round += 1;
         let root = round.wrapping_mul(0x9E37) % topology.vertex_count().max(1) as u32;
-        let loops = handle_loops(&topology, &sheet.length, root, work)?;
-        let mut cut = 0;
-        // First loops that keep off all others; if there is none, the shortest as it is.
-        for strict in [true, false] {
-            for candidate in &loops {
-                let ends = |&h: &u32| [sheet.corner[h as usize], sheet.corner[topology.next(h) as usize]];
-                let vertices: Vec<u32> = candidate.edges.iter().flat_map(ends).collect();
-                let clear = vertices.iter().all(|&v| taken[v as usize] != round && !(strict && on_cut[v as usize]));
-                if !clear || (!strict && cut > 0) {
-                    continue;
-                }
-                for &v in &vertices {
-                    on_cut[v as usize] = true;
-                    taken[v as usize] = round;
-                    for h in surface.topology.outgoing(v) {
-                        taken[surface.topology.target(h) as usize] = round;
-                    }
-                }
-                candidate.edges.iter().for_each(|&h| sheet.cut(h));
-                cut += 1;
+        round += 1;
+        let found = handle_loops(&topology, &sheet.length, root, work)?;
+        let cut = choose(surface, sheet, &topology, &found, wanted, &on_cut);
+        for &i in &cut {
+            for &h in &found[i].edges {
+                on_cut[sheet.corner[h as usize] as usize] = true;
+                on_cut[sheet.corner[topology.next(h) as usize] as usize] = true;
+                sheet.cut(h);
             }
         }
         topology = sheet.topology()?;
@@ -141,6 +148,35 @@ fn cut_open(surface: &Surface<'_>, sheet: &mut Sheet, work: &Work<'_>) -> Result
         genus = now;
     }
     Ok(topology)
+}
+
+/// Loops, sorted by length, that keep at least an edge off each other and off earlier cuts. If all meet earlier cuts, the first alone.
+/// Any disjoint loops of a basis leave the surface connected.
+fn choose(surface: &Surface<'_>, sheet: &Sheet, topology: &Topology, found: &[Loop], wanted: Loops, on_cut: &[bool]) -> Vec<usize> {
+    let pick = |order: &mut dyn Iterator<Item = usize>| {
+        let mut near = vec![false; on_cut.len()];
+        let mut chosen = Vec::new();
+        for i in order {
+            let ends = |&h: &u32| [sheet.corner[h as usize], sheet.corner[topology.next(h) as usize]];
+            let vertices: Vec<u32> = found[i].edges.iter().flat_map(ends).collect();
+            if vertices.iter().any(|&v| near[v as usize] || on_cut[v as usize]) {
+                continue;
+            }
+            for v in vertices {
+                near[v as usize] = true;
+                surface.topology.outgoing(v).for_each(|h| near[surface.topology.target(h) as usize] = true);
+            }
+            chosen.push(i);
+        }
+        chosen
+    };
+    let shortest = pick(&mut (0..found.len()));
+    let dual = match wanted {
+        Loops::Shortest => Vec::new(),
+        Loops::Dual => pick(&mut (0..found.len()).filter(|i| shortest.binary_search(i).is_err())),
+    };
+    let any = if found.is_empty() { Vec::new() } else { vec![0] };
+    [dual, shortest].into_iter().find(|chosen| !chosen.is_empty()).unwrap_or(any)
 }
 
 /// Gives each side of every cut one of two labels and spreads them: from the cut sides of a label along paths that join them, then to

@@ -1,8 +1,9 @@
 //! Partition by a plane through the handles (P3 section 5, the brake block): given, or the best of a few found by itself.
 
+use super::handles::{Loops, open_handles};
 use super::strategy::Plane;
 use super::surface::{Limits, Surface};
-use super::{Partition, PartitionSpec, complete, connected_sets, smooth};
+use super::{Partition, PartitionSpec, complete, connected_sets, face_groups, smooth};
 use crate::error::Result;
 use crate::features::Features;
 use crate::vector::{Vec3, add_scaled, bounds, cross, dot, norm, scale, sub, unit};
@@ -32,7 +33,8 @@ pub(super) fn limits_of(spec: &PartitionSpec) -> Limits {
 pub(super) fn by_found_plane(surface: &Surface<'_>, plane: Plane, spec: &PartitionSpec, work: &Work<'_>) -> Result<Partition> {
     let limits = limits_of(spec);
     let side = cleaned_sides(surface, plane, limits, work)?;
-    complete(surface, connected_sets(surface, |f, g| side[f as usize] == side[g as usize]), limits, spec, work)
+    let parts = connected_sets(surface, |f, g| side[f as usize] == side[g as usize]);
+    complete(surface, open_handles(surface, parts, Loops::Shortest, work)?, limits, spec, work)
 }
 
 /// Partition by a given plane, whose cut is kept as if it were a feature.
@@ -41,7 +43,7 @@ pub(super) fn by_given_plane(surface: &Surface<'_>, plane: Plane, spec: &Partiti
     let side = cleaned_sides(surface, plane, limits, work)?;
     let features = with_borders(surface, &side);
     let cut = Surface { features: &features, length: surface.length.clone(), area: surface.area.clone(), ..*surface };
-    complete(&cut, connected_sets(&cut, |_, _| true), limits, spec, work)
+    complete(&cut, open_handles(&cut, face_groups(&cut), Loops::Shortest, work)?, limits, spec, work)
 }
 
 /// The features and all edges between faces of different labels.

@@ -1,8 +1,8 @@
 //! Borders laid anew: every interface curve is replaced by the shortest edge path within a band around it (a discrete geodesic), between
 //! the same ends and past no feature, boundary or other border.
 
-use super::surface::{Limits, Scratch, Stamps, Surface, measure};
 use super::faces_by_patch;
+use super::surface::{Limits, Scratch, Stamps, Surface, measure};
 use crate::error::Result;
 use crate::work::Work;
 use std::cmp::Reverse;
@@ -173,9 +173,7 @@ impl Straightener<'_> {
         let band = self.band(arc, ends);
         let path = self.shortest_path(&band, ends);
         let length = |chain: &[u32]| chain.iter().map(|&h| self.surface.length[h as usize]).sum::<f64>();
-        let better = path.is_some_and(|path| {
-            length(&path) < (1.0 - GAIN) * length(arc) && self.relabel(arc, &path, &band, sides)
-        });
+        let better = path.is_some_and(|path| length(&path) < (1.0 - GAIN) * length(arc) && self.relabel(arc, &path, &band, sides));
         for &v in band.iter().chain(&ends) {
             (self.depth[v as usize], self.distance[v as usize]) = (u32::MAX, f64::INFINITY);
         }

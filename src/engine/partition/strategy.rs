@@ -1,5 +1,6 @@
 //! The methods a surface can be partitioned by, and the choice between them.
 
+use super::depth::expected_charts;
 use super::surface::{Limits, Scratch, Surface, measure};
 use super::{Partition, PartitionSpec, face_groups, handles, multilevel, plane};
 use crate::error::{EngineError, Reason, Result};
@@ -9,8 +10,9 @@ use crate::work::Work;
 /// How handles are opened and surfaces divided.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum PartitionStrategy {
-    /// The strategy with the fewest patches that satisfies the conditions; pieces of genus 0 always go by `Multilevel`. Strategies
-    /// that topology rules out, or that could save next to nothing, are not tried.
+    /// The strategy with the fewest patches that satisfies the conditions; of equal numbers the one expected to need fewer charts. A
+    /// surface whose pieces between features have no handles goes by `Multilevel`. Strategies that topology rules out, or that could save
+    /// next to nothing, are not tried.
     #[default]
     Auto,
     /// Recursive cuts of the dual graph until every part has genus 0 (P2 section 4).
@@ -18,8 +20,8 @@ pub enum PartitionStrategy {
     /// Short handle loops are found (P3 algorithms 1 and 2), and every piece with handles is cut in two pieces of genus 0 such that
     /// each loop has one on either side. These are divided further where size or aspect ratio ask for it.
     Handles,
-    /// Cut by a plane (P3 section 5, the brake block), then as `Multilevel`: parts that still have handles, or are too large or too
-    /// slender, are divided further.
+    /// Cut by a plane (P3 section 5, the brake block). Parts that still have handles are opened as by `Handles`; parts that are too
+    /// large or too slender are divided further.
     Plane {
         /// The plane. `None` tries planes through the centre and the middle, normal to the principal axes and to the coordinate axes,
         /// and takes the one that leaves the fewest handles in the fewest parts. Parts are not merged across a given plane.
@@ -46,8 +48,11 @@ pub enum BorderSmoothing {
     Shortest,
 }
 
-/// Of the patches of the multilevel partition, the share that another strategy must be able to save to be tried.
+/// A strategy is tried if it could save this share of the patches or charts.
 const WORTH_TRYING: f64 = 0.1;
+
+/// A plane that leaves more than this share of the handles is no use.
+const HANDLES_LEFT: f64 = 0.25;
 
 /// Partitions by the strategy of `spec`.
 pub(super) fn partition_by(surface: &Surface<'_>, spec: &PartitionSpec, work: &Work<'_>) -> Result<Partition> {
@@ -83,41 +88,67 @@ fn check_plane(plane: &Plane) -> Result<()> {
     Ok(())
 }
 
-/// The strategy with the fewest patches; of equals the first of multilevel, plane, handles.
+/// A partition with what it is judged by.
+struct Trial {
+    partition: Partition,
+    strategy: PartitionStrategy,
+    name: &'static str,
+    /// Charts it is expected to need.
+    charts: f64,
+}
+
+impl Trial {
+    fn new(surface: &Surface<'_>, partition: Partition, strategy: PartitionStrategy, work: &Work<'_>) -> Result<Self> {
+        let name = match strategy {
+            PartitionStrategy::Handles => "handles",
+            PartitionStrategy::Plane { .. } => "plane",
+            PartitionStrategy::Auto | PartitionStrategy::Multilevel => "multilevel",
+        };
+        let charts = expected_charts(surface, &partition, work)?;
+        Ok(Trial { partition, strategy, name, charts })
+    }
+
+    /// Whether another strategy could save next to nothing.
+    fn is_enough(&self, least: u32) -> bool {
+        let count = self.partition.patches.len() as f64;
+        f64::from(least) > (1.0 - WORTH_TRYING) * count && self.charts < (1.0 + WORTH_TRYING) * count
+    }
+}
+
+/// The strategy with the fewest patches; of equals the one expected to need the fewest charts; of these the first of multilevel, plane,
+/// handles.
 fn automatic(surface: &Surface<'_>, spec: &PartitionSpec, work: &Work<'_>) -> Result<Partition> {
     let (handles, least) = outlook(surface, spec);
     let first = multilevel(surface, spec, work)?;
     if handles == 0 {
         return Ok(told(first, PartitionStrategy::Multilevel, "no piece of the surface between features has a handle"));
     }
-    let count = first.patches.len();
-    if f64::from(least) > (1.0 - WORTH_TRYING) * count as f64 {
-        let reason = format!("{count} patches; with these limits no strategy can do with fewer than {least}");
-        return Ok(told(first, PartitionStrategy::Multilevel, &reason));
+    let first = Trial::new(surface, first, PartitionStrategy::Multilevel, work)?;
+    if first.is_enough(least) {
+        let reason = format!("{} patches; with these limits no strategy can do with fewer than {least}", first.partition.patches.len());
+        return Ok(told(first.partition, first.strategy, &reason));
     }
-    let mut tried = vec![(first, PartitionStrategy::Multilevel, "multilevel")];
+    let mut trials = vec![first];
     let found = plane::find_plane(surface, work)?;
-    let planar = found.handles == 0;
-    if planar {
+    let useful = found.handles as f64 <= HANDLES_LEFT * handles as f64;
+    if useful {
         let partition = plane::by_found_plane(surface, found.plane, spec, work)?;
-        tried.push((partition, PartitionStrategy::Plane { plane: Some(found.plane) }, "plane"));
+        trials.push(Trial::new(surface, partition, PartitionStrategy::Plane { plane: Some(found.plane) }, work)?);
     }
-    let enough = f64::from(least) > (1.0 - WORTH_TRYING) * tried.iter().map(|t| t.0.patches.len()).min().unwrap_or(0) as f64;
-    if !enough {
-        tried.push((handles::by_handles(surface, spec, work)?, PartitionStrategy::Handles, "handles"));
+    if !trials.iter().any(|trial| trial.is_enough(least)) {
+        let partition = handles::by_handles(surface, spec, work)?;
+        trials.push(Trial::new(surface, partition, PartitionStrategy::Handles, work)?);
     }
-    let counts: Vec<String> = tried.iter().map(|(p, _, name)| format!("{name} {}", p.patches.len())).collect();
-    let mut reason = format!("fewest patches of {} ({handles} handles, at least {least} patches by size", counts.join(", "));
-    if !planar {
+    let counts: Vec<String> =
+        trials.iter().map(|t| format!("{} {} (about {:.0} charts)", t.name, t.partition.patches.len(), t.charts)).collect();
+    let mut reason = format!("fewest patches, then charts, of {}; {handles} handles, at least {least} patches", counts.join(", "));
+    if !useful {
         reason.push_str(&format!("; the best plane leaves {} handles", found.handles));
     }
-    reason.push(')');
-    // The first of equals.
-    let best = tried.into_iter().min_by_key(|(p, ..)| p.patches.len());
-    match best {
-        Some((partition, strategy, _)) => Ok(told(partition, strategy, &reason)),
-        None => Err(EngineError::invariant("no strategy was tried")),
-    }
+    let score = |t: &Trial| (t.partition.patches.len(), t.charts);
+    let best = trials.into_iter().reduce(|best, t| if score(&t) < score(&best) { t } else { best });
+    let best = best.ok_or_else(|| EngineError::invariant("no strategy was tried"))?;
+    Ok(told(best.partition, best.strategy, &reason))
 }
 
 /// Handles of all pieces between features, and a number of patches that no strategy can go below. O(F).
