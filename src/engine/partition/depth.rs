@@ -92,7 +92,7 @@ impl Wave<'_> {
         let edges = 3.0 * faces.len() as f64;
         let length: f64 = faces.iter().flat_map(|&f| 3 * f..3 * f + 3).map(|h| surface.length[h as usize]).sum();
         let width = BAND * length / edges.max(1.0);
-        if !(width > 0.0) {
+        if width <= 0.0 || !width.is_finite() {
             return 0.0;
         }
         let distance = self.distances(faces, first, p);

@@ -10,8 +10,8 @@ use crate::work::Work;
 /// How handles are opened and surfaces divided.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum PartitionStrategy {
-    /// The strategy with the fewest patches that satisfies the conditions; of equal numbers the one expected to need fewer charts. A
-    /// surface whose pieces between features have no handles goes by `Multilevel`. Strategies that topology rules out, or that could save
+    /// The strategy with the fewest patches that satisfies the conditions; of equal numbers (or hardly more) the one whose patches are
+    /// expected to need (far) fewer charts. A surface whose pieces between features have no handles goes by `Multilevel`. Strategies that topology rules out, or that could save
     /// next to nothing, are not tried.
     #[default]
     Auto,
@@ -51,6 +51,10 @@ pub enum BorderSmoothing {
 /// A strategy is tried if it could save this share of the patches or charts.
 const WORTH_TRYING: f64 = 0.1;
 
+/// So many times the patches are taken for fewer charts ...
+const HARDLY_MORE: f64 = 1.25;
+/// ... if only this share of the charts is expected. Patches that cannot be mapped are split until they can, so fewer is not better then.
+const FAR_FEWER: f64 = 0.5;
 /// A plane that leaves more than this share of the handles is no use.
 const HANDLES_LEFT: f64 = 0.25;
 
@@ -108,6 +112,20 @@ impl Trial {
         Ok(Trial { partition, strategy, name, charts })
     }
 
+    /// Fewer patches, of equal numbers fewer expected charts; or hardly more patches that are expected to need far fewer charts.
+    fn is_better(&self, other: &Trial) -> bool {
+        let [own, others] = [self, other].map(|t| t.partition.patches.len() as f64);
+        let far_fewer = |a: &Trial, b: &Trial| a.charts < FAR_FEWER * b.charts;
+        let hardly_more = |a: f64, b: f64| a > b && a <= HARDLY_MORE * b;
+        if hardly_more(own, others) && far_fewer(self, other) {
+            return true;
+        }
+        if hardly_more(others, own) && far_fewer(other, self) {
+            return false;
+        }
+        (own, self.charts) < (others, other.charts)
+    }
+
     /// Whether another strategy could save next to nothing.
     fn is_enough(&self, least: u32) -> bool {
         let count = self.partition.patches.len() as f64;
@@ -115,8 +133,7 @@ impl Trial {
     }
 }
 
-/// The strategy with the fewest patches; of equals the one expected to need the fewest charts; of these the first of multilevel, plane,
-/// handles.
+/// The best of the strategies worth trying, see [`Trial::is_better`]; of equals the first of multilevel, plane, handles.
 fn automatic(surface: &Surface<'_>, spec: &PartitionSpec, work: &Work<'_>) -> Result<Partition> {
     let (handles, least) = outlook(surface, spec);
     let first = multilevel(surface, spec, work)?;
@@ -141,12 +158,14 @@ fn automatic(surface: &Surface<'_>, spec: &PartitionSpec, work: &Work<'_>) -> Re
     }
     let counts: Vec<String> =
         trials.iter().map(|t| format!("{} {} (about {:.0} charts)", t.name, t.partition.patches.len(), t.charts)).collect();
-    let mut reason = format!("fewest patches, then charts, of {}; {handles} handles, at least {least} patches", counts.join(", "));
+    let mut reason = format!(
+        "fewest patches, or far fewer charts with hardly more patches, of {}; {handles} handles, at least {least} patches",
+        counts.join(", ")
+    );
     if !useful {
         reason.push_str(&format!("; the best plane leaves {} handles", found.handles));
     }
-    let score = |t: &Trial| (t.partition.patches.len(), t.charts);
-    let best = trials.into_iter().reduce(|best, t| if score(&t) < score(&best) { t } else { best });
+    let best = trials.into_iter().reduce(|best, t| if t.is_better(&best) { t } else { best });
     let best = best.ok_or_else(|| EngineError::invariant("no strategy was tried"))?;
     Ok(told(best.partition, best.strategy, &reason))
 }
