@@ -150,6 +150,12 @@ impl Stamps {
     pub(super) fn mark(&mut self, i: u32) -> bool {
         std::mem::replace(&mut self.stamp[i as usize], self.now) != self.now
     }
+
+    /// Whether an element is marked.
+    #[inline]
+    pub(super) fn is_marked(&self, i: u32) -> bool {
+        self.stamp[i as usize] == self.now
+    }
 }
 
 /// Scratch of the measuring functions.
