@@ -1,13 +1,21 @@
 //! Partition of a surface into patches of genus 0 with a boundary (P2 eq. 5), by a multilevel cut of the dual graph.
 
+mod aspect;
 mod bisect;
+mod cuts;
 mod divide;
 mod graph;
+mod laplace;
+mod max_cut;
 mod merge;
 mod smooth;
 mod surface;
 #[cfg(test)]
 mod tests;
+mod two_way;
+
+pub use aspect::{OrientedBox, smallest_box};
+pub use two_way::{TwoWayCut, Verdict, cut_in_two};
 
 use crate::error::{EngineError, Reason, Result};
 use crate::features::Features;
@@ -19,6 +27,21 @@ use divide::Divider;
 use merge::Goal;
 use surface::{Limits, Surface, measure};
 
+/// How patches are cut.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum PartitionStrategy {
+    /// The engine chooses; today [`PartitionStrategy::Multilevel`].
+    #[default]
+    Auto,
+    /// Multilevel cuts of the dual graph, then borders are smoothed and patches merged where their union is still valid.
+    Multilevel,
+    /// Two-way cuts through the centres of harmonic maps at many scales (P2 section 3): few patches, long ones cut lengthwise.
+    /// Surfaces with handles or without a border are cut by [`PartitionStrategy::Multilevel`] first (P2 section 4).
+    Laplace,
+    /// Two-way cuts by one line in one harmonic map (Alliez 2002; P2 section 3). For comparison; fails on long patches.
+    MaxCut,
+}
+
 /// How to partition.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PartitionSpec {
@@ -29,11 +52,13 @@ pub struct PartitionSpec {
     pub max_patch_faces: u32,
     /// Bound on eta = pi A / L^2 with L the longest boundary loop (P2 section 4, eta_max = 4).
     pub max_aspect_ratio: f64,
+    /// How patches are cut.
+    pub strategy: PartitionStrategy,
 }
 
 impl Default for PartitionSpec {
     fn default() -> Self {
-        PartitionSpec { patches: None, max_patch_faces: 12_000, max_aspect_ratio: 4.0 }
+        PartitionSpec { patches: None, max_patch_faces: 12_000, max_aspect_ratio: 4.0, strategy: PartitionStrategy::Auto }
     }
 }
 
@@ -52,6 +77,8 @@ pub struct PatchSummary {
     pub border_length: f64,
     /// eta = pi A / L^2 with L the longest loop.
     pub aspect_ratio: f64,
+    /// Lower bound of eta: longest side of the oriented box of the patch over that of its longest loop (P2 section 2). Not limited.
+    pub box_aspect_ratio: f64,
 }
 
 /// A patch number for each face. Patches are connected, of genus 0 and have at least one boundary loop; no feature edge that
@@ -77,7 +104,8 @@ impl Contents for Partition {
 /// Partitions a surface. Deterministic. O(F log F).
 ///
 /// # Errors
-/// [`Reason::BadParameter`]; [`Reason::PatchTopology`] (with locations) if some piece cannot be brought to genus 0 with a boundary.
+/// [`Reason::BadParameter`]; [`Reason::PatchTopology`] (with locations) if some piece cannot be brought to genus 0 with a boundary,
+/// or if [`PartitionStrategy::MaxCut`] fails on it; [`Reason::SolverSingular`] from the maps of the strategies that need them.
 pub fn partition_surface(
     mesh: &SurfaceMesh,
     topology: &Topology,
@@ -89,11 +117,20 @@ pub fn partition_surface(
     check_sizes(mesh, topology, features)?;
     let surface = Surface::new(mesh, topology, features);
     let limits = Limits::new(spec);
-    let faces = topology.face_count();
+    match spec.strategy {
+        PartitionStrategy::Auto | PartitionStrategy::Multilevel => multilevel(&surface, spec, limits, work),
+        PartitionStrategy::Laplace => cuts::partition(&surface, spec, limits, laplace::cut, work),
+        PartitionStrategy::MaxCut => cuts::partition(&surface, spec, limits, max_cut::cut, work),
+    }
+}
+
+/// Multilevel division, then smoothing and merging.
+fn multilevel(surface: &Surface<'_>, spec: &PartitionSpec, limits: Limits, work: &Work<'_>) -> Result<Partition> {
+    let faces = surface.topology.face_count();
     let wanted = spec.patches.map_or(f64::INFINITY, |k| faces as f64 / f64::from(k));
-    let mut divider = Divider::new(&surface, limits, f64::from(spec.max_patch_faces).min(PLAN_SLACK * wanted).max(1.0));
+    let mut divider = Divider::new(surface, limits, f64::from(spec.max_patch_faces).min(PLAN_SLACK * wanted).max(1.0));
     let mut done = 0;
-    for group in face_groups(&surface) {
+    for group in face_groups(surface) {
         done += group.len();
         divider.divide(group, work)?;
         work.step(done, 2 * faces)?;
@@ -102,11 +139,11 @@ pub fn partition_surface(
     let goal = Goal { patches: spec.patches, planned_faces: (MERGE_SLACK * wanted).min(f64::from(u32::MAX)) as u32, limits };
     // Smooth borders merge better, and merged patches have new borders to smooth.
     for _ in 0..2 {
-        smooth::smooth_borders(&surface, &mut label, limits, work)?;
-        merge::merge_patches(&surface, &mut label, &goal, &mut scratch, work)?;
+        smooth::smooth_borders(surface, &mut label, limits, work)?;
+        merge::merge_patches(surface, &mut label, &goal, &mut scratch, work)?;
     }
-    smooth::smooth_borders(&surface, &mut label, limits, work)?;
-    finish(&surface, label, limits, work)
+    smooth::smooth_borders(surface, &mut label, limits, work)?;
+    finish(surface, label, limits, work)
 }
 
 /// With a wanted number of patches, a patch may be this much larger than the mean.
@@ -215,7 +252,8 @@ fn finish(surface: &Surface<'_>, mut label: Vec<u32>, limits: Limits, work: &Wor
             )
             .with_locations(faces.iter().map(|&f| surface.mesh.face_location(f as usize))));
         }
-        patches.push(piece.summary());
+        let box_aspect_ratio = aspect::by_boxes(surface, &label, faces, &piece, &mut scratch);
+        patches.push(PatchSummary { box_aspect_ratio, ..piece.summary() });
     }
     Ok(Partition { face_patch: label, patches })
 }
