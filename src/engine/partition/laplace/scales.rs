@@ -8,13 +8,20 @@ use super::sheet::{NONE, Sheet};
 use crate::error::Result;
 use crate::vector::Vec2;
 use crate::work::Work;
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 /// A face is too small if an equilateral triangle on its longest mapped edge has less than this area in a frame whose domain
 /// fits the unit disk. P2 takes the area of the mapped face itself, which a sliver falls short of at any scale.
 const LEAST_AREA: f64 = 1e-10;
 /// Clusters of fewer faces stay in the map above.
 const LEAST_CLUSTER: usize = 16;
+/// A cluster is a branch, with a map of its own and a visit of the split line, from this ratio pi A / L^2 on (L the length of the
+/// edges it shares with what stays; a hemisphere has 1/2). Others are fringes where faces are about as small as they may be.
+const LEAST_ASPECT: f64 = 0.5;
+/// Sets of more faces than three times this are first mapped as far as this number of faces reaches from the boundary.
+const WINDOW: usize = 16_000;
+/// What lies beyond a window must be this small: then it moves what is large enough by less than a millionth of its size.
+const BEYOND: f64 = 1e-16;
 /// The domain of a cluster reaches this far from the origin of its frame.
 const REACH: f64 = 0.9;
 /// A cluster whose boundary is smaller than this in the frame above has no digits left to be mapped from.
@@ -83,6 +90,8 @@ pub(in crate::partition) fn map_scales(sheet: &Sheet, work: &Work<'_>) -> Result
         harmonic: Harmonic::new(sheet),
         scales: Scales { maps: vec![Scale { radius: 1.0, ..Scale::default() }], face_map: vec![0; count], face_at: vec![[0.0; 2]; count] },
         cluster: vec![NONE; count],
+        window: vec![NONE; count],
+        windows: 0,
         seen: vec![NONE; sheet.vertices],
     };
     let mut tasks = vec![Task { map: 0, faces: (0..count as u32).collect(), fixed: circle(sheet) }];
@@ -102,6 +111,9 @@ struct Build<'a> {
     scales: Scales,
     /// Cluster of each face in the map at hand.
     cluster: Vec<u32>,
+    /// Last window that each face was in, and how many there were.
+    window: Vec<u32>,
+    windows: u32,
     /// Cluster that a vertex was seen in.
     seen: Vec<u32>,
 }
@@ -114,9 +126,7 @@ const SHARED: u32 = NONE - 1;
 
 impl Build<'_> {
     fn map(&mut self, task: &Task, deeper: bool, work: &Work<'_>) -> Result<Vec<Task>> {
-        let (sheet, me) = (self.sheet, task.map);
-        let face_map = &self.scales.face_map;
-        self.harmonic.place(sheet, &task.faces, |f| face_map[f as usize] == me, &task.fixed, work)?;
+        self.place(task, deeper, work)?;
         let clusters = if deeper { self.clusters(task) } else { Vec::new() };
         let tasks = self.descend(task, clusters);
         self.settle(task);
@@ -124,15 +134,68 @@ impl Build<'_> {
         Ok(tasks)
     }
 
+    /// Places the vertices of a set, or of a window of it that reaches to where all that follows is tiny.
+    fn place(&mut self, task: &Task, deeper: bool, work: &Work<'_>) -> Result<()> {
+        let count = task.faces.len();
+        let mut most = if deeper && count > 3 * WINDOW { WINDOW } else { count };
+        loop {
+            let faces = if most < count { self.open_window(task, most) } else { self.mark_window(&task.faces) };
+            let (window, now) = (&self.window, self.windows);
+            self.harmonic.place(self.sheet, &faces, |f| window[f as usize] == now, &task.fixed, work)?;
+            let whole = faces.len() == count;
+            if whole || faces.iter().filter(|&&f| self.is_at_the_end(task, f)).all(|&f| self.span(f) < BEYOND) {
+                return Ok(());
+            }
+            most = if 4 * most < count / 2 { 4 * most } else { count };
+        }
+    }
+
+    fn mark_window(&mut self, faces: &[u32]) -> Vec<u32> {
+        self.windows += 1;
+        faces.iter().for_each(|&f| self.window[f as usize] = self.windows);
+        faces.to_vec()
+    }
+
+    /// The faces nearest to the boundary, by edges crossed.
+    fn open_window(&mut self, task: &Task, most: usize) -> Vec<u32> {
+        self.windows += 1;
+        let now = self.windows;
+        task.fixed.iter().for_each(|f| self.seen[f.0 as usize] = SHARED);
+        let at_boundary = |f: &&u32| self.sheet.triangles[**f as usize].iter().any(|&v| self.seen[v as usize] == SHARED);
+        let mut faces: Vec<u32> = task.faces.iter().filter(at_boundary).copied().collect();
+        task.fixed.iter().for_each(|f| self.seen[f.0 as usize] = NONE);
+        faces.iter().for_each(|&f| self.window[f as usize] = now);
+        let mut head = 0;
+        while head < faces.len() && faces.len() < most {
+            for g in self.sheet.around(faces[head]) {
+                if self.scales.face_map[g as usize] == task.map && self.window[g as usize] != now {
+                    self.window[g as usize] = now;
+                    faces.push(g);
+                }
+            }
+            head += 1;
+        }
+        faces
+    }
+
+    /// Whether the set goes on across an edge of a face of the window.
+    fn is_at_the_end(&self, task: &Task, f: u32) -> bool {
+        let open = |g: u32| self.scales.face_map[g as usize] == task.map && self.window[g as usize] != self.windows;
+        self.sheet.around(f).any(open)
+    }
+
+    /// Area of an equilateral triangle on the longest mapped edge of a face.
+    fn span(&self, f: u32) -> f64 {
+        let [a, b, c] = self.sheet.triangles[f as usize].map(|v| self.harmonic.uv[v as usize]);
+        let square = |p: Vec2, q: Vec2| (p[0] - q[0]).powi(2) + (p[1] - q[1]).powi(2);
+        0.25 * 3f64.sqrt() * square(a, b).max(square(b, c)).max(square(c, a))
+    }
+
     /// Connected sets of faces that are too small, or that such faces cut off from the boundary.
     fn clusters(&mut self, task: &Task) -> Vec<Vec<u32>> {
-        let uv = &self.harmonic.uv;
         let mut any = false;
         for &f in &task.faces {
-            let [a, b, c] = self.sheet.triangles[f as usize].map(|v| uv[v as usize]);
-            let square = |p: Vec2, q: Vec2| (p[0] - q[0]).powi(2) + (p[1] - q[1]).powi(2);
-            let longest = square(a, b).max(square(b, c)).max(square(c, a));
-            let small = 0.25 * 3f64.sqrt() * longest < LEAST_AREA;
+            let small = self.window[f as usize] != self.windows || self.span(f) < LEAST_AREA;
             any |= small;
             self.cluster[f as usize] = if small { SMALL } else { NONE };
         }
@@ -149,8 +212,24 @@ impl Build<'_> {
         }
         let mut sets = self.components(task, SMALL);
         // If nothing stays, there is no finer scale to go to.
-        sets.retain(|set| set.len() >= LEAST_CLUSTER && set.len() < task.faces.len());
+        sets.retain(|set| set.len() < task.faces.len() && self.is_branch(task, set));
         sets
+    }
+
+    /// Whether a component of the faces that do not stay is far from what stays.
+    fn is_branch(&self, task: &Task, set: &[u32]) -> bool {
+        let (mut area, mut length) = (0.0, 0.0);
+        for &f in set {
+            area += self.sheet.area[f as usize];
+            for h in 3 * f..3 * f + 3 {
+                let t = self.sheet.twin[h as usize];
+                let number = |f: u32| self.cluster[f as usize];
+                if t != NONE && (self.scales.face_map[t as usize / 3] != task.map || number(t / 3) != number(f)) {
+                    length += self.sheet.length[h as usize];
+                }
+            }
+        }
+        set.len() >= LEAST_CLUSTER && PI * area >= LEAST_ASPECT * length * length
     }
 
     /// Marks as staying all large faces that a chain of large faces joins to a fixed vertex.
@@ -250,6 +329,7 @@ impl Build<'_> {
     /// Notes where the faces are that stay in this map.
     fn settle(&mut self, task: &Task) {
         let (mut sum, mut weight) = ([0.0; 2], 0.0);
+        self.collapse_beyond_window(task);
         for &f in task.faces.iter().filter(|&&f| self.scales.face_map[f as usize] == task.map) {
             let [a, b, c] = self.sheet.triangles[f as usize].map(|v| self.harmonic.uv[v as usize]);
             let at = [(a[0] + b[0] + c[0]) / 3.0, (a[1] + b[1] + c[1]) / 3.0];
@@ -259,6 +339,23 @@ impl Build<'_> {
         }
         if weight > 0.0 {
             self.scales.maps[task.map as usize].gravity = sum.map(|x| x / weight);
+        }
+    }
+
+    /// Faces beyond the window that have no map of their own go where the face lies from which the set goes on to them.
+    fn collapse_beyond_window(&mut self, task: &Task) {
+        let stays = |this: &Self, f: u32| this.scales.face_map[f as usize] == task.map;
+        let mut front: Vec<u32> = task.faces.iter().copied().filter(|&f| stays(self, f) && self.is_at_the_end(task, f)).collect();
+        front.retain(|&f| self.window[f as usize] == self.windows);
+        while let Some(f) = front.pop() {
+            let at = self.harmonic.uv[self.sheet.triangles[f as usize][0] as usize];
+            for g in self.sheet.around(f) {
+                if stays(self, g) && self.window[g as usize] != self.windows {
+                    self.window[g as usize] = self.windows;
+                    self.sheet.triangles[g as usize].iter().for_each(|&v| self.harmonic.uv[v as usize] = at);
+                    front.push(g);
+                }
+            }
         }
     }
 
