@@ -38,7 +38,6 @@ pub(super) fn partition(surface: &Surface<'_>, spec: &PartitionSpec, limits: Lim
     }
     let mut label = cutter.divider.label;
     renumber(&mut label);
-    smooth_borders(surface, &mut label, limits, work)?;
     finish(surface, label, limits, work)
 }
 

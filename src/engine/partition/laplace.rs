@@ -4,6 +4,7 @@
 pub(super) mod harmonic;
 pub(super) mod scales;
 pub(super) mod sheet;
+mod straighten;
 mod thread;
 
 use super::two_way::TwoWayCut;
@@ -41,6 +42,7 @@ pub(super) fn cut(sheet: &Sheet, work: &Work<'_>) -> Result<TwoWayCut> {
     }
     let mut second = best.second;
     connect(sheet, &mut second);
+    straighten::straighten(sheet, &mut second, work)?;
     let levels = scales.maps.iter().map(|m| m.depth + 1).max().unwrap_or(1);
     let mut cut = TwoWayCut::measured(sheet, second);
     (cut.levels, cut.maps) = (levels, scales.maps.len() as u32);

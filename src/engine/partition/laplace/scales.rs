@@ -92,6 +92,7 @@ pub(in crate::partition) fn map_scales(sheet: &Sheet, work: &Work<'_>) -> Result
         cluster: vec![NONE; count],
         window: vec![NONE; count],
         windows: 0,
+        reach: WINDOW,
         seen: vec![NONE; sheet.vertices],
     };
     let mut tasks = vec![Task { map: 0, faces: (0..count as u32).collect(), fixed: circle(sheet) }];
@@ -114,6 +115,8 @@ struct Build<'a> {
     /// Last window that each face was in, and how many there were.
     window: Vec<u32>,
     windows: u32,
+    /// Faces that the next window is tried with.
+    reach: usize,
     /// Cluster that a vertex was seen in.
     seen: Vec<u32>,
 }
@@ -137,13 +140,16 @@ impl Build<'_> {
     /// Places the vertices of a set, or of a window of it that reaches to where all that follows is tiny.
     fn place(&mut self, task: &Task, deeper: bool, work: &Work<'_>) -> Result<()> {
         let count = task.faces.len();
-        let mut most = if deeper && count > 3 * WINDOW { WINDOW } else { count };
+        let mut most = if deeper && count > 3 * self.reach { self.reach } else { count };
+        let first = most;
         loop {
             let faces = if most < count { self.open_window(task, most) } else { self.mark_window(&task.faces) };
             let (window, now) = (&self.window, self.windows);
             self.harmonic.place(self.sheet, &faces, |f| window[f as usize] == now, &task.fixed, work)?;
             let whole = faces.len() == count;
             if whole || faces.iter().filter(|&&f| self.is_at_the_end(task, f)).all(|&f| self.span(f) < BEYOND) {
+                // The next map likely needs about as much.
+                self.reach = (if most == first { 3 * most / 4 } else { most }).max(WINDOW);
                 return Ok(());
             }
             most = if 4 * most < count / 2 { 4 * most } else { count };
