@@ -31,7 +31,8 @@ pub fn smallest_box(points: &[Vec3]) -> Option<OrientedBox> {
     let origin = *points.first()?;
     let extremes = extremes(points);
     let diagonal = extremes.iter().map(|&p| distance(p, origin)).fold(0.0, f64::max);
-    let mut guesses: Vec<(f64, [Vec3; 3])> = guesses(&extremes).into_iter().map(|axes| (size(&extremes, &axes, diagonal), axes)).collect();
+    let turned = guesses(&extremes).into_iter().map(|axes| turned(&extremes, axes, 0, diagonal));
+    let mut guesses: Vec<(f64, [Vec3; 3])> = turned.map(|axes| (size(&extremes, &axes, diagonal), axes)).collect();
     guesses.sort_by(|a, b| a.0.total_cmp(&b.0));
     guesses.truncate(IMPROVED);
     let improved = guesses.into_iter().map(|(_, axes)| improved(&extremes, axes, diagonal));
@@ -70,10 +71,11 @@ fn extremes(points: &[Vec3]) -> Vec<Vec3> {
 }
 
 fn farthest(points: &[Vec3], far: impl Fn(Vec3) -> f64) -> Vec3 {
-    points.iter().fold(([0.0; 3], -1.0), |best, &p| if far(p) > best.1 { (p, far(p)) } else { best }).0
+    points.iter().fold(([0.0; 3], f64::NEG_INFINITY), |best, &p| if far(p) > best.1 { (p, far(p)) } else { best }).0
 }
 
-/// Axes to start from: those of the coordinates, and along the edges and normals of the faces of the tetrahedra over a large triangle.
+/// Axes to start from: those of the coordinates, and for two tetrahedra over a large triangle those along each edge, along each
+/// normal, and across each pair of opposite edges (the smallest box has two sides that each hold an edge of the hull).
 fn guesses(points: &[Vec3]) -> Vec<[Vec3; 3]> {
     let mut all = vec![[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]];
     let Some(&start) = points.first() else { return all };
@@ -83,18 +85,16 @@ fn guesses(points: &[Vec3]) -> Vec<[Vec3; 3]> {
     let off = |p: Vec3| norm(sub(sub(p, a), scale(along, dot(sub(p, a), along))));
     let c = farthest(points, off);
     let normal = unit(cross(sub(b, a), sub(c, a)));
-    let above = farthest(points, |p| 1e300f64.min(1.0 + dot(sub(p, a), normal)).max(0.0));
-    let below = farthest(points, |p| (1.0 - dot(sub(p, a), normal)).max(0.0));
-    let mut triangle = |p: Vec3, q: Vec3, r: Vec3| {
-        for (x, y, z) in [(p, q, r), (q, r, p), (r, p, q)] {
-            all.push(frame(sub(y, x), sub(z, x)));
-        }
-    };
-    triangle(a, b, c);
+    let above = farthest(points, |p| dot(sub(p, a), normal));
+    let below = farthest(points, |p| -dot(sub(p, a), normal));
     for apex in [above, below] {
-        triangle(a, b, apex);
-        triangle(b, c, apex);
-        triangle(c, a, apex);
+        for (p, q, r) in [(a, b, c), (a, b, apex), (b, c, apex), (c, a, apex)] {
+            all.extend([(p, q, r), (q, r, p), (r, p, q)].map(|(x, y, z)| frame(sub(y, x), sub(z, x))));
+            all.push(frame(cross(sub(q, p), sub(r, p)), sub(q, p)));
+        }
+        for (p, q, r) in [(a, b, c), (b, c, a), (c, a, b)] {
+            all.push(frame(cross(sub(q, p), sub(apex, r)), sub(q, p)));
+        }
     }
     all
 }
@@ -135,11 +135,7 @@ fn improved(points: &[Vec3], start: [Vec3; 3], diagonal: f64) -> [Vec3; 3] {
     for _ in 0..ROUNDS {
         let before = best;
         for k in 0..3 {
-            let (u, v, w) = (axes[(k + 1) % 3], axes[(k + 2) % 3], axes[k]);
-            let flat: Vec<Vec2> = points.iter().map(|&p| [dot(p, u), dot(p, v)]).collect();
-            let along = smallest_rectangle(&flat, THICKNESS * diagonal);
-            let first = unit(add_scaled(scale(u, along[0]), v, along[1]));
-            let turned = frame(first, cross(w, first));
+            let turned = turned(points, axes, k, diagonal);
             let turned_size = size(points, &turned, diagonal);
             if turned_size < best {
                 (axes, best) = (turned, turned_size);
@@ -150,6 +146,15 @@ fn improved(points: &[Vec3], start: [Vec3; 3], diagonal: f64) -> [Vec3; 3] {
         }
     }
     axes
+}
+
+/// The box turned about one of its axes to the smallest rectangle around the projection.
+fn turned(points: &[Vec3], axes: [Vec3; 3], k: usize, diagonal: f64) -> [Vec3; 3] {
+    let (u, v, w) = (axes[(k + 1) % 3], axes[(k + 2) % 3], axes[k]);
+    let flat: Vec<Vec2> = points.iter().map(|&p| [dot(p, u), dot(p, v)]).collect();
+    let along = smallest_rectangle(&flat, THICKNESS * diagonal);
+    let first = unit(add_scaled(scale(u, along[0]), v, along[1]));
+    frame(first, cross(w, first))
 }
 
 /// Direction of a side of the smallest rectangle around points: one of its sides lies on an edge of their convex hull.
@@ -212,3 +217,6 @@ fn boxed(points: &[Vec3], axes: [Vec3; 3]) -> OrientedBox {
     let (first, second) = (axes[order[0]], axes[order[1]]);
     OrientedBox { centre, axes: [first, second, cross(first, second)], sides: order.map(side) }
 }
+
+#[cfg(test)]
+mod tests;

@@ -11,6 +11,8 @@ use std::collections::BinaryHeap;
 const RINGS: u32 = 5;
 /// Border vertices that an end of a curve may slide over, to each side.
 const SLIDE: usize = 4;
+/// What sliding costs, as a share of the length slid over.
+const SLIDE_COST: f64 = 0.5;
 /// Most that the share of a side may change.
 const MOST_SHIFT: f64 = 0.08;
 /// Faces pushed between two looks at the flag that stops the work.
@@ -137,28 +139,28 @@ impl<'a> Tracer<'a> {
         })
     }
 
-    /// The end of a curve and the border vertices next to it that no other curve uses.
-    fn landing(&self, v: u32) -> Vec<u32> {
-        let mut ends = vec![v];
+    /// The end of a curve and the border vertices next to it that no other curve uses, each with what it costs to slide there.
+    fn landing(&self, v: u32) -> Vec<(u32, f64)> {
+        let mut ends = vec![(v, 0.0)];
         for forward in [true, false] {
-            let mut at = v;
+            let (mut at, mut slid) = (v, 0.0);
             for _ in 0..SLIDE {
-                let along = if forward { Some(self.target(self.leaving[at as usize])) } else { self.border_before(at) };
-                match along {
-                    Some(w) if self.uses[w as usize] == 1 && w != v => ends.push(w),
-                    _ => break,
+                let h = if forward { Some(self.leaving[at as usize]) } else { self.border_before(at) };
+                let Some((h, w)) = h.map(|h| (h, if forward { self.target(h) } else { self.sheet.origin(h) })) else { break };
+                if self.uses[w as usize] != 1 || ends.iter().any(|e| e.0 == w) {
+                    break;
                 }
-                at = along.unwrap_or(at);
+                slid += SLIDE_COST * self.sheet.length[h as usize];
+                ends.push((w, slid));
+                at = w;
             }
         }
-        ends.sort_unstable();
-        ends.dedup();
         ends
     }
 
-    /// The border vertex before a border vertex.
+    /// The border halfedge that leads to a border vertex.
     fn border_before(&self, v: u32) -> Option<u32> {
-        self.spokes(v).find(|&(_, h)| self.sheet.twin[h as usize] == NONE && self.target(h) == v).map(|s| s.0)
+        self.spokes(v).find(|&(_, h)| self.sheet.twin[h as usize] == NONE && self.target(h) == v).map(|s| s.1)
     }
 
     /// The shortest path in the band of a curve, as halfedges in no particular direction; the curve itself if there is none.
@@ -177,7 +179,7 @@ impl<'a> Tracer<'a> {
                 at = if self.sheet.origin(h) == at { self.target(h) } else { self.sheet.origin(h) };
             }
         }
-        for v in band.into_iter().chain(from).chain(to) {
+        for v in band.into_iter().chain(from.iter().chain(&to).map(|e| e.0)) {
             (self.distance[v as usize], self.via[v as usize]) = (f64::INFINITY, NONE);
         }
         let path = if path.is_empty() { curve } else { path };
@@ -202,7 +204,8 @@ impl<'a> Tracer<'a> {
                 }
             }
             for &v in &ring {
-                next_ring.extend(self.spokes(v).map(|s| s.0).filter(|&w| self.uses[w as usize] == 0 && self.band[w as usize] != self.bands));
+                next_ring
+                    .extend(self.spokes(v).map(|s| s.0).filter(|&w| self.uses[w as usize] == 0 && self.band[w as usize] != self.bands));
             }
             next_ring.sort_unstable();
             next_ring.dedup();
@@ -211,37 +214,42 @@ impl<'a> Tracer<'a> {
         band
     }
 
-    /// Dijkstra from some vertices through the band; the first of the targets reached.
-    fn search(&mut self, from: &[u32], to: &[u32], work: &Work<'_>) -> Result<Option<u32>> {
+    /// Dijkstra from some vertices through the band; the target with the least way and cost.
+    fn search(&mut self, from: &[(u32, f64)], to: &[(u32, f64)], work: &Work<'_>) -> Result<Option<u32>> {
+        let cost_at = |v: u32| to.iter().find(|e| e.0 == v).map(|e| e.1);
         let mut heap: BinaryHeap<(Reverse<u64>, Reverse<u32>)> = BinaryHeap::new();
-        for &v in from.iter().filter(|v| !to.contains(v)) {
-            self.distance[v as usize] = 0.0;
-            heap.push((Reverse(0), Reverse(v)));
+        for &(v, cost) in from.iter().filter(|e| cost_at(e.0).is_none()) {
+            self.distance[v as usize] = cost;
+            heap.push((Reverse(cost.to_bits()), Reverse(v)));
         }
-        let mut popped = 0;
+        let (mut popped, mut best) = (0, (f64::INFINITY, None));
         while let Some((Reverse(bits), Reverse(v))) = heap.pop() {
             popped += 1;
             if popped % CHECK_EVERY == 0 {
                 work.check()?;
             }
             let here = f64::from_bits(bits);
+            if here >= best.0 {
+                break;
+            }
             if here > self.distance[v as usize] {
                 continue;
             }
-            if to.contains(&v) {
-                return Ok(Some(v));
+            if let Some(cost) = cost_at(v) {
+                best = if here + cost < best.0 { (here + cost, Some(v)) } else { best };
+                continue;
             }
             let spokes: Vec<(u32, u32)> = self.spokes(v).filter(|&(_, h)| self.sheet.twin[h as usize] != NONE).collect();
             for (w, h) in spokes {
                 let far = here + self.sheet.length[h as usize];
-                let open = self.band[w as usize] == self.bands || to.contains(&w);
+                let open = self.band[w as usize] == self.bands || cost_at(w).is_some();
                 if open && far < self.distance[w as usize] {
                     (self.distance[w as usize], self.via[w as usize]) = (far, h);
                     heap.push((Reverse(far.to_bits()), Reverse(w)));
                 }
             }
         }
-        Ok(None)
+        Ok(best.1)
     }
 }
 
