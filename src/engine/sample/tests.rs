@@ -52,7 +52,7 @@ fn arteries_have_one_loop_per_end() {
         (Some(5), 6_000),
         (Some(20), 6_000),
         (Some(40), 8_000),
-        (Some(41), 24_000),
+        (Some(41), 40_000),
         (Some(130), 60_000),
     ] {
         let mesh = made(&SampleSpec { outlets: ends, ..SampleSpec::new(SampleKind::Artery, triangles) });

@@ -69,7 +69,7 @@ fn long_surfaces_are_cut_lengthwise_in_two() {
         let tube = case(tube(24, aspect), None);
         assert_eq!(tube.partition(&laplace()).patches.len(), 2, "aspect ratio {aspect}");
         let (cut, halves) = tube.halves();
-        assert!((0.45..0.55).contains(&cut.second_share), "{}", cut.second_share);
+        assert!((0.4..0.6).contains(&cut.second_share), "{}", cut.second_share);
         assert!(halves.iter().all(|h| h.loops == 1 && h.aspect_ratio < 0.5), "{halves:?}");
         // Two straight lines along the tube, up to the directions that edges offer.
         assert!(cut.length < 1.08 * 2.0 * 2.0 * aspect, "{} for {aspect}", cut.length);
@@ -145,7 +145,7 @@ fn slivers_do_not_mislead_the_cut() {
     let uneven = |v: f64| v + 0.0099 * (50.0 * TAU * v).sin() / TAU * 2.0;
     let needles = case(
         grid([30, 100], [true, false], |u, v| {
-            let z = 24.0 * if (v * 100.0) as u32 % 2 == 0 { v } else { v - 0.00999 };
+            let z = 24.0 * if ((v * 100.0) as u32).is_multiple_of(2) { v } else { v - 0.00999 };
             [(TAU * u).cos(), (TAU * u).sin(), z]
         }),
         None,
