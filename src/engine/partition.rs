@@ -1,11 +1,15 @@
-//! Partition of a surface into patches of genus 0 with a boundary (P2 eq. 5), by a multilevel cut of the dual graph.
+//! Partition of a surface into patches of genus 0 with a boundary (P2 eq. 5), by one of several strategies.
 
+mod aspect;
 mod bisect;
+mod cuts;
 mod depth;
 mod divide;
 mod graph;
 mod handles;
 mod homology;
+mod laplace;
+mod max_cut;
 mod merge;
 mod plane;
 mod smooth;
@@ -14,6 +18,11 @@ mod strategy;
 mod surface;
 #[cfg(test)]
 mod tests;
+mod two_way;
+
+pub use aspect::{OrientedBox, smallest_box};
+pub use strategy::{BorderSmoothing, PartitionStrategy, Plane};
+pub use two_way::{TwoWayCut, Verdict, cut_in_two};
 
 use crate::error::{EngineError, Reason, Result};
 use crate::features::Features;
@@ -24,8 +33,6 @@ use crate::work::Work;
 use divide::Divider;
 use merge::Goal;
 use surface::{Limits, Surface, measure};
-
-pub use strategy::{BorderSmoothing, PartitionStrategy, Plane};
 
 /// How to partition.
 #[derive(Debug, Clone, PartialEq)]
@@ -70,6 +77,8 @@ pub struct PatchSummary {
     pub border_length: f64,
     /// eta = pi A / L^2 with L the longest loop.
     pub aspect_ratio: f64,
+    /// Lower bound of eta: longest side of the oriented box of the patch over that of its longest loop (P2 section 2). Not limited.
+    pub box_aspect_ratio: f64,
 }
 
 /// A patch number for each face. Patches are connected, of genus 0 and have at least one boundary loop; no feature edge that
@@ -99,7 +108,8 @@ impl Contents for Partition {
 /// Partitions a surface. Deterministic. O(F log F).
 ///
 /// # Errors
-/// [`Reason::BadParameter`]; [`Reason::PatchTopology`] (with locations) if some piece cannot be brought to genus 0 with a boundary.
+/// [`Reason::BadParameter`]; [`Reason::PatchTopology`] (with locations) if some piece cannot be brought to genus 0 with a boundary,
+/// or if [`PartitionStrategy::MaxCut`] fails on it; [`Reason::SolverSingular`] from the maps of the strategies that need them.
 pub fn partition_surface(
     mesh: &SurfaceMesh,
     topology: &Topology,
@@ -254,7 +264,8 @@ fn finish(surface: &Surface<'_>, mut label: Vec<u32>, limits: Limits, work: &Wor
             )
             .with_locations(faces.iter().map(|&f| surface.mesh.face_location(f as usize))));
         }
-        patches.push(piece.summary());
+        let box_aspect_ratio = aspect::by_boxes(surface, &label, faces, &piece, &mut scratch);
+        patches.push(PatchSummary { box_aspect_ratio, ..piece.summary() });
     }
     Ok(Partition { face_patch: label, patches, ..Partition::default() })
 }
@@ -297,6 +308,6 @@ pub fn split_patches(
         let (_, second) = divider.halve(faces, 1.0, work)?;
         divider.name(&second);
     }
-    let (strategy, reason) = (partition.strategy.clone(), partition.reason.clone());
+    let (strategy, reason) = (partition.strategy, partition.reason.clone());
     Ok(Partition { strategy, reason, ..finish(&surface, divider.label, limits, work)? })
 }

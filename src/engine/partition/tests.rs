@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 mod strategies;
+mod two_way;
 
 /// A grid whose ends in either direction may be joined; `place` maps `[0, 1]^2` into space.
 fn grid([nu, nv]: [u32; 2], [join_u, join_v]: [bool; 2], place: impl Fn(f64, f64) -> Vec3) -> SurfaceMesh {

@@ -188,12 +188,8 @@ pub(crate) fn partition(spec: &v1::PartitionSpec) -> Result<PartitionSpec> {
     }
     let max_aspect_ratio = spec.max_aspect_ratio.unwrap_or(default.max_aspect_ratio);
     positive(max_aspect_ratio, "partition.max_aspect_ratio")?;
-    Ok(PartitionSpec {
-        patches: spec.patches,
-        max_patch_faces: spec.max_patch_faces.unwrap_or(default.max_patch_faces),
-        max_aspect_ratio,
-        ..default
-    })
+    let max_patch_faces = spec.max_patch_faces.unwrap_or(default.max_patch_faces);
+    Ok(PartitionSpec { patches: spec.patches, max_patch_faces, max_aspect_ratio, ..default })
 }
 
 fn positive(value: f64, field: &str) -> Result<()> {

@@ -7,11 +7,16 @@ use crate::partition::surface::Surface;
 use crate::partition::{BorderSmoothing, PartitionStrategy, Plane};
 use crate::vector::distance;
 
-const STRATEGIES: [PartitionStrategy; 4] =
-    [PartitionStrategy::Auto, PartitionStrategy::Multilevel, PartitionStrategy::Handles, PartitionStrategy::Plane { plane: None }];
+const STRATEGIES: [PartitionStrategy; 5] = [
+    PartitionStrategy::Auto,
+    PartitionStrategy::Multilevel,
+    PartitionStrategy::Handles,
+    PartitionStrategy::Plane { plane: None },
+    PartitionStrategy::Laplace,
+];
 
 fn by(strategy: &PartitionStrategy) -> PartitionSpec {
-    PartitionSpec { strategy: strategy.clone(), ..PartitionSpec::default() }
+    PartitionSpec { strategy: *strategy, ..PartitionSpec::default() }
 }
 
 /// Beams along the lines of a grid of `n` nodes: genus beams - nodes + 1.
@@ -49,14 +54,14 @@ fn two_hundred_handles() {
 }
 
 #[test]
-fn genus_zero_goes_by_the_multilevel_cut() {
+fn auto_is_the_multilevel_cut_and_tells_of_handles() {
     for (name, case) in family() {
-        let pieces = face_groups(&Surface::new(&case.mesh, &case.topology, &case.features));
-        if case.topology.totals().1 == 0 || pieces.len() > 30 {
-            let (auto, multilevel) = (case.partition(&by(&STRATEGIES[0])), case.partition(&by(&STRATEGIES[1])));
-            assert_eq!((&auto.face_patch, &auto.strategy), (&multilevel.face_patch, &PartitionStrategy::Multilevel), "{name}");
-        }
+        let [auto, multilevel] = [0, 1].map(|i| case.partition(&by(&STRATEGIES[i])));
+        assert_eq!((&auto.face_patch, auto.strategy), (&multilevel.face_patch, PartitionStrategy::Multilevel), "{name}");
+        assert_ne!(auto.reason, multilevel.reason);
     }
+    let auto = case(plate(3), None).partition(&PartitionSpec::default());
+    assert!(auto.reason.starts_with("3 handles"), "{}", auto.reason);
 }
 
 #[test]
@@ -114,8 +119,6 @@ fn a_plane_halves_a_plate_of_83_holes() {
         let partition = case.partition(&PartitionSpec { max_patch_faces: 100_000, ..by(&strategy) });
         assert_eq!(partition.patches.iter().map(|p| p.loops).collect::<Vec<_>>(), [84, 84]);
     }
-    let auto = case.partition(&PartitionSpec { max_patch_faces: 100_000, ..PartitionSpec::default() });
-    assert!(auto.patches.len() == 2 && auto.strategy != PartitionStrategy::Multilevel, "{}", auto.reason);
 }
 
 #[test]
