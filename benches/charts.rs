@@ -2,17 +2,25 @@
 //! patches. Prints milliseconds, ratios and which stages ran.
 //!
 //! `cargo bench --bench charts [-- FILE PATCHES]`: without a file, the bunny of `REMESH_DATA`, or a generated pelvis.
+//!
+//! `cargo bench --bench charts -- cold PATCH.off..`: cold LSCM and harmonic charts of files that are one patch each, user CPU, to set
+//! beside those of `benches/libigl.py`.
 
 use remesh_engine::engine::{Engine, EngineConfig};
 use remesh_engine::features::FeatureSpec;
-use remesh_engine::import::ImportOptions;
-use remesh_engine::parametrize::{Boundary, BoundaryShape, ChartMethod, ChartSpec, Pin, Pins};
-use remesh_engine::partition::PartitionSpec;
+use remesh_engine::import::{ImportOptions, import_mesh};
+use remesh_engine::parametrize::{
+    Boundary, BoundaryShape, ChartMethod, ChartSpec, Holes, MapVerdict, Pin, Pins, Weights, candidate_maps, factor_boundary, factor_system,
+    plan_system, solve_map,
+};
+use remesh_engine::partition::{Partition, PartitionSpec, PatchSummary};
+use remesh_engine::patch::{Patch, extract_patches};
 use remesh_engine::pipeline::{self, Layout, Run};
 use remesh_engine::sample::{SampleKind, SampleSpec};
 use remesh_engine::session::{Blob, Change, MeshSource, Session};
 use remesh_engine::stage::{Outcome, Stage, StageRecord};
-use remesh_engine::work::CancelToken;
+use remesh_engine::topology::Topology;
+use remesh_engine::work::{CancelToken, Work};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Instant, SystemTime};
@@ -106,7 +114,7 @@ impl Bench {
         let local = spec.localised(map, &layout.surface.imported.mesh.positions).expect("the vertices are of the patch");
         let cancel = CancelToken::new();
         let begin = Instant::now();
-        let chart = remesh_engine::parametrize::parametrize_patch(patch, &local, &remesh_engine::work::Work::silent(&cancel));
+        let chart = remesh_engine::parametrize::parametrize_patch(patch, &local, &Work::silent(&cancel));
         let milliseconds = begin.elapsed().as_secs_f64() * 1e3;
         if let Err(error) = chart {
             println!("    refused: {}", error.message());
@@ -124,7 +132,67 @@ fn shape(method: ChartMethod, shape: BoundaryShape, start: Option<u32>) -> Chart
     ChartSpec { boundary: Boundary { shape, start, ..Boundary::default() }, ..ChartSpec::only(method) }
 }
 
+/// User CPU milliseconds of this process so far (Linux; 0 elsewhere), in steps of 10.
+fn cpu_ms() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let mut fields = stat.rsplit(')').next().unwrap_or_default().split_whitespace();
+    fields.nth(11).and_then(|ticks| ticks.parse::<f64>().ok()).map_or(0.0, |ticks| ticks * 10.0)
+}
+
+/// A surface that is one patch, as an open session would have it.
+fn one_patch(path: &str) -> Patch {
+    let blob = Blob::new(std::fs::read(path).expect("the file is readable"));
+    let cancel = CancelToken::new();
+    let work = Work::silent(&cancel);
+    let mesh = import_mesh(&blob.bytes, &ImportOptions::default(), &work).expect("the file is a surface").mesh;
+    let topology = Topology::build(&mesh.triangles, mesh.positions.len()).expect("the surface is manifold");
+    let faces = mesh.triangles.len();
+    let partition = Partition { face_patch: vec![0; faces], patches: vec![PatchSummary::default()] };
+    extract_patches(&mesh, &topology, &partition).expect("the surface has a boundary").remove(0).0
+}
+
+/// Elimination order, factors, solution and checks of the first map of a method.
+fn cold_map(patch: &Patch, method: ChartMethod, work: &Work<'_>) -> MapVerdict {
+    let spec =
+        ChartSpec { pins: if method == ChartMethod::Harmonic { Pins::Automatic } else { Pins::Farthest }, ..ChartSpec::only(method) };
+    let spec = ChartSpec { holes: Holes::Open, ..spec };
+    let maps = candidate_maps(patch, &spec).expect("the spec fits");
+    let system = plan_system(patch, work).expect("the patch is sound");
+    let factor = factor_system(patch, &system, Weights::Cotangent, work).expect("the patch is sound");
+    let boundary = factor_boundary(patch, Some(&factor), maps[0].problem(), work).expect("the patch is sound");
+    solve_map(patch, Some(&factor), &boundary, &maps[0], work).expect("the map is solved").verdict
+}
+
+fn cold_times(paths: &[String]) {
+    const ROUNDS: u32 = 40;
+    let cancel = CancelToken::new();
+    let work = Work::silent(&cancel);
+    for path in paths {
+        let patch = one_patch(path);
+        println!("{path}: {} vertices, {} loops", patch.positions.len(), patch.loops.len());
+        for method in [ChartMethod::LeastSquaresConformal, ChartMethod::Harmonic] {
+            let (begin, cpu) = (Instant::now(), cpu_ms());
+            let mut verdict = MapVerdict::Usable;
+            for _ in 0..ROUNDS {
+                verdict = cold_map(&patch, method, &work);
+            }
+            let each = |total: f64| total / f64::from(ROUNDS);
+            let (cpu, wall) = (each(cpu_ms() - cpu), each(begin.elapsed().as_secs_f64() * 1e3));
+            let verdict = format!("{verdict:?}");
+            println!(
+                "  {:<24} user CPU {cpu:>6.1} ms, wall {wall:>6.1} ms  ({})",
+                method.name(),
+                verdict.split(['{', '(']).next().unwrap_or("")
+            );
+        }
+    }
+}
+
 fn main() {
+    let words: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
+    if words.first().is_some_and(|word| word == "cold") {
+        return cold_times(&words[1..]);
+    }
     let arguments: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
     let data = std::env::var_os("REMESH_DATA").map(|folder| PathBuf::from(folder).join("bunny.obj"));
     let path = arguments.first().map(PathBuf::from).or(data);

@@ -1,9 +1,9 @@
 //! Static condensation: eliminates most unknowns of a real symmetric positive semidefinite matrix and leaves a dense problem on
 //! the kept ones (their Schur complement). One elimination then serves every problem that differs on the kept unknowns only.
 
-use crate::check::{Stored, check_solve, view};
+use crate::check::view;
 use crate::order::{Order, kept_last};
-use crate::{RealMatrix, SolveError};
+use crate::{BACKWARD_ERROR_LIMIT, RealMatrix, SolveError};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
 use faer::linalg::matmul::triangular::{BlockStructure, matmul as triangular_matmul};
@@ -11,9 +11,9 @@ use faer::perm::PermRef;
 use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::supernodal::SymbolicSupernodalCholesky;
 use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering, factorize_symbolic_cholesky,
+    CholeskySymbolicParams, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering, factorize_symbolic_cholesky,
 };
-use faer::{Accum, Conj, MatMut, MatRef, Par, Side};
+use faer::{Accum, MatMut, MatRef, Par, Side};
 use std::sync::Arc;
 
 /// What depends on the pattern alone: order and structure of the factor. Shared by all matrices of that pattern.
@@ -42,10 +42,11 @@ impl CondensationPlan {
             return Err(SolveError::Shape { rows: size, columns: kept.len() });
         }
         let Order { forward, inverse } = kept_last(&starts, matrix.indices(), kept)?;
-        let params = CholeskySymbolicParams { supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL, ..Default::default() };
+        let params =
+            CholeskySymbolicParams { supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL, ..Default::default() };
         let ordering = SymmetricOrdering::Custom(PermRef::new_checked(&forward, &inverse, size));
-        let symbolic = factorize_symbolic_cholesky(a.symbolic(), Side::Upper, ordering, params)
-            .map_err(|e| SolveError::Resources(e.to_string()))?;
+        let symbolic =
+            factorize_symbolic_cholesky(a.symbolic(), Side::Upper, ordering, params).map_err(|e| SolveError::Resources(e.to_string()))?;
         Ok(CondensationPlan { symbolic, place: inverse, kept: kept.to_vec(), entries: matrix.nnz() })
     }
 
@@ -109,14 +110,39 @@ impl Condensation {
         symbolic
             .factorize_numeric_llt(&mut values, a, Side::Upper, LltRegularization::default(), Par::Seq, stack, Default::default())
             .map_err(|LltError::NonPositivePivot { index }| SolveError::NotPositiveDefinite { index, size })?;
-        let error = check_solve(a, Stored::UpperTriangle, |x| {
-            let mut buffer = MemBuffer::new(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
-            let x = MatMut::from_column_major_slice_mut(x, size, 1);
-            LltRef::new(symbolic, &values).solve_in_place_with_conj(Conj::No, x, Par::Seq, MemStack::new(&mut buffer));
-        })?;
-        let mut condensed = Condensation { plan, values, schur: Vec::new(), error };
+        let mut condensed = Condensation { plan, values, schur: Vec::new(), error: 0.0 };
         condensed.schur = condensed.multiply_last_block(&lift)?;
+        condensed.error = condensed.check(matrix)?;
         Ok(condensed)
+    }
+
+    /// Backward error of one extension: rows of eliminated unknowns must vanish, the others give what the Schur complement says.
+    fn check(&self, matrix: &RealMatrix) -> Result<f64, SolveError> {
+        let kept = self.plan.kept.len();
+        let values: Vec<[f64; 2]> =
+            (0..kept as u32).map(|k| [f64::from(k.wrapping_mul(2_654_435_761) >> 8) / f64::from(1 << 23) - 1.0, 1.0]).collect();
+        let all = self.extend(&values, &[])?;
+        let (mut rest, mut row_sums) = (vec![0.0f64; all.len()], vec![0.0f64; all.len()]);
+        for (j, column) in matrix.outer_iterator().enumerate() {
+            for (i, &a) in column.iter().filter(|(i, _)| *i <= j) {
+                rest[i] += a * all[j][0];
+                row_sums[i] += a.abs();
+                if i != j {
+                    rest[j] += a * all[i][0];
+                    row_sums[j] += a.abs();
+                }
+            }
+        }
+        for (column, value) in self.schur.chunks_exact(kept.max(1)).zip(&values) {
+            self.plan.kept.iter().zip(column).for_each(|(&v, s)| rest[v as usize] -= s * value[0]);
+        }
+        let largest = |x: &[f64]| x.iter().fold(0.0f64, |m, x| if x.is_nan() { f64::NAN } else { m.max(x.abs()) });
+        if all.iter().chain(&values).flatten().chain(&rest).any(|x| !x.is_finite()) {
+            return Err(SolveError::Inaccurate { error: f64::NAN, limit: BACKWARD_ERROR_LIMIT });
+        }
+        let scale = largest(&row_sums) * all.iter().fold(0.0f64, |m, x| m.max(x[0].abs()));
+        let error = if scale > 0.0 { largest(&rest) / scale } else { 0.0 };
+        if error <= BACKWARD_ERROR_LIMIT { Ok(error) } else { Err(SolveError::Inaccurate { error, limit: BACKWARD_ERROR_LIMIT }) }
     }
 
     fn structure(&self) -> Result<&SymbolicSupernodalCholesky<u32>, SolveError> {
@@ -165,7 +191,7 @@ impl Condensation {
         &self.plan
     }
 
-    /// Backward error of the check solve.
+    /// Backward error of the check after the elimination.
     pub fn backward_error(&self) -> f64 {
         self.error
     }

@@ -23,14 +23,8 @@ pub fn candidate_maps(patch: &Patch, spec: &ChartSpec) -> Result<Vec<MapSpec>> {
     let mut maps = Vec::new();
     for method in methods {
         let fillings = fillings(method, spec.holes, several);
-        let base = MapSpec {
-            method,
-            outer,
-            filling: Filling::default(),
-            pins: Vec::new(),
-            targets: Vec::new(),
-            boundary: spec.boundary.clone(),
-        };
+        let base =
+            MapSpec { method, outer, filling: Filling::default(), pins: Vec::new(), targets: Vec::new(), boundary: spec.boundary.clone() };
         if method == ChartMethod::LeastSquaresConformal {
             let (choices, targets) = pin_choices(patch, outer, &spec.pins)?;
             // Other pins cost next to nothing, another filling a factorization.
@@ -119,9 +113,8 @@ pub fn next_map<'a>(maps: &'a [MapSpec], tried: &[impl std::ops::Deref<Target = 
     // No map of a tube is even: once one is one-to-one and merely crowded, only filled holes can better it.
     let crowded = tried.iter().any(|map| matches!(map.verdict, MapVerdict::Crowded(_)));
     let begun = tried.last().map_or(0, |last| {
-        let same = |map: &MapSpec| {
-            map.method == last.attempt.method && map.filling == last.attempt.filling && map.pins == last.attempt.pins
-        };
+        let same =
+            |map: &MapSpec| map.method == last.attempt.method && map.filling == last.attempt.filling && map.pins == last.attempt.pins;
         maps.iter().position(same).map_or(maps.len(), |at| at + 1)
     });
     let may_help = |map: &&MapSpec| {

@@ -86,7 +86,7 @@ fn dense_operator(domain: &Domain<'_>, condensation: &Condensation) -> Result<Ve
 /// L + shift M over all vertices of the domain, upper triangle.
 pub(super) fn conformal_matrix(domain: &Domain<'_>, mass: &[f64], shift: f64) -> Result<ComplexMatrix> {
     let all: Vec<[u32; 3]> = domain.triangles().collect();
-    let real = stiffness(domain, &all, domain.size(), |v| v, Weights::Cotangent)?;
+    let real = stiffness(&all, |f| domain.flat(all[f]), domain.size(), |v| v, Weights::Cotangent)?;
     let mut matrix: ComplexMatrix = real.map(|&w| Complex::new(w, 0.0));
     let missing = || EngineError::invariant("a boundary edge is not in the pattern");
     for (i, j, c) in area_entries(area_halfedges(domain)) {

@@ -127,7 +127,7 @@ fn condensed(held: Vec<u32>, matrix: &[f64], size: usize) -> Result<DirichletPro
 fn whole(domain: &Domain<'_>, factor: &ChartFactor) -> Result<DirichletProblem> {
     let size = domain.size();
     let all: Vec<[u32; 3]> = domain.triangles().collect();
-    let matrix = stiffness(domain, &all, size, |v| v, factor.weights)?;
+    let matrix = stiffness(&all, |f| domain.flat(all[f]), size, |v| v, factor.weights)?;
     let held = domain.outer.clone();
     let place = places_of(&held, size);
     let free: Vec<u32> = (0..size as u32).filter(|&v| place[v as usize].is_none()).collect();

@@ -20,7 +20,7 @@ use crate::work::Work;
 const MIN_HEIGHT: f64 = 1e-5;
 
 /// A triangle laid into the plane: corner `base` at the origin, the next at `(length, 0)`, the third at `(foot, height)`.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Flat {
     /// The corner that the longest side leaves.
     pub(super) base: usize,
@@ -65,8 +65,8 @@ impl Flat {
     pub(super) fn sides(self) -> [f64; 3] {
         let mut sides = [0.0; 3];
         sides[self.base] = self.length;
-        sides[(self.base + 1) % 3] = (self.length - self.foot).hypot(self.height);
-        sides[(self.base + 2) % 3] = self.foot.hypot(self.height);
+        sides[(self.base + 1) % 3] = root_of_squares(self.length - self.foot, self.height);
+        sides[(self.base + 2) % 3] = root_of_squares(self.foot, self.height);
         sides
     }
 
@@ -176,7 +176,9 @@ impl<'a> Domain<'a> {
     }
 }
 
-fn check_patch(patch: &Patch) -> Result<()> {
+/// # Errors
+/// A patch without faces or boundary, or with indices out of range.
+pub(super) fn check_patch(patch: &Patch) -> Result<()> {
     let count = patch.positions.len();
     let inside = |v: &u32| (*v as usize) < count;
     if patch.triangles.is_empty() || patch.loops.is_empty() {
@@ -186,6 +188,12 @@ fn check_patch(patch: &Patch) -> Result<()> {
         return Err(EngineError::invariant("a patch with indices out of range or a boundary loop of fewer than three edges"));
     }
     Ok(())
+}
+
+/// Faster than `hypot`, for numbers whose squares are in range.
+#[inline]
+pub(super) fn root_of_squares(a: f64, b: f64) -> f64 {
+    (a * a + b * b).sqrt()
 }
 
 /// The power of two at or below a length; 1 for 0 and for what is not finite.

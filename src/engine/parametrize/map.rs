@@ -95,7 +95,7 @@ pub struct BoundaryFactor(Problem);
 enum Problem {
     Conformal(ConformalProblem),
     Dirichlet(DirichletProblem),
-    MeanValue { problem: MeanValueProblem, shapes: FaceShapes },
+    MeanValue(Box<(MeanValueProblem, FaceShapes)>),
 }
 
 impl BoundaryFactor {
@@ -104,7 +104,7 @@ impl BoundaryFactor {
         match &self.0 {
             Problem::Conformal(problem) => problem.bytes(),
             Problem::Dirichlet(problem) => problem.bytes(),
-            Problem::MeanValue { problem, shapes } => problem.bytes() + shapes.bytes(),
+            Problem::MeanValue(held) => held.0.bytes() + held.1.bytes(),
         }
     }
 }
@@ -121,9 +121,7 @@ pub fn factor_boundary(patch: &Patch, factor: Option<&ChartFactor>, spec: Proble
     Ok(BoundaryFactor(match spec.family {
         Family::Conformal => Problem::Conformal(ConformalProblem::new(&domain, interior()?, work)?),
         Family::Held(_) => Problem::Dirichlet(DirichletProblem::new(&domain, interior()?, work)?),
-        Family::MeanValue => {
-            Problem::MeanValue { problem: MeanValueProblem::new(&domain, work)?, shapes: FaceShapes::of(&domain) }
-        }
+        Family::MeanValue => Problem::MeanValue(Box::new((MeanValueProblem::new(&domain, work)?, FaceShapes::of(&domain)))),
     }))
 }
 
@@ -203,7 +201,7 @@ pub fn solve_map(
     match positions_of(patch, factor, boundary, map, work) {
         Ok(uv) => {
             let shapes = match (&boundary.0, factor) {
-                (Problem::MeanValue { shapes, .. }, _) => shapes,
+                (Problem::MeanValue(held), _) => &held.1,
                 (_, Some(factor)) => &factor.shapes,
                 (_, None) => return Err(EngineError::invariant("the interior is not factorized")),
             };
@@ -225,11 +223,9 @@ fn positions_of(
     let interior = || factor.ok_or_else(|| EngineError::invariant("the interior is not factorized"));
     let held = || place_outer(&patch.loops[map.outer], &patch.positions, &map.boundary);
     match &boundary.0 {
-        Problem::MeanValue { problem, .. } => problem.solve(&held()?, count),
+        Problem::MeanValue(problem) => problem.0.solve(&held()?, count),
         Problem::Dirichlet(problem) => problem.solve(&held()?)?.spread(interior()?, count),
-        Problem::Conformal(problem) if map.method == ChartMethod::SpectralConformal => {
-            problem.spectral(work)?.0.spread(interior()?, count)
-        }
+        Problem::Conformal(problem) if map.method == ChartMethod::SpectralConformal => problem.spectral(work)?.0.spread(interior()?, count),
         Problem::Conformal(problem) => {
             let default = [[0.0, 0.0], [1.0, 0.0]];
             let targets = if map.targets.is_empty() { &default[..] } else { &map.targets };

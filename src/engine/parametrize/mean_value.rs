@@ -47,7 +47,7 @@ impl MeanValueProblem {
         let weights: Vec<(u32, u32, f64)> = domain
             .triangles()
             .flat_map(|t| {
-                let w = triangle_weights(domain, t, Weights::MeanValue);
+                let w = triangle_weights(domain.flat(t), Weights::MeanValue);
                 (0..3).flat_map(move |k| [(t[k], t[(k + 1) % 3], w[k][0]), (t[(k + 1) % 3], t[k], w[k][1])])
             })
             .collect();

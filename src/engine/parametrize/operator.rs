@@ -1,7 +1,7 @@
 //! The one place that assembles: weights of triangles (P1 eq. 12, 14, 21), and the matrices made of them.
 
 use super::assembly::compress;
-use super::domain::Domain;
+use super::domain::Flat;
 use crate::error::Result;
 use remesh_linalg::RealMatrix;
 
@@ -17,18 +17,18 @@ pub enum Weights {
 }
 
 /// Weights of one triangle: for each side `k`, from corner `k` to the next, that of the pair in its direction and the other way.
-pub(super) fn triangle_weights(domain: &Domain<'_>, t: [u32; 3], weights: Weights) -> [[f64; 2]; 3] {
+pub(super) fn triangle_weights(flat: Flat, weights: Weights) -> [[f64; 2]; 3] {
     match weights {
         Weights::Uniform => [[0.5; 2]; 3],
         Weights::Cotangent => {
-            let cot = domain.flat(t).thickened().cotangents();
+            let cot = flat.thickened().cotangents();
             [0, 1, 2].map(|k| [0.5 * cot[(k + 2) % 3]; 2])
         }
         Weights::MeanValue => {
-            let flat = domain.flat(t).thickened();
+            let flat = flat.thickened();
             let (cot, sides) = (flat.cotangents(), flat.sides());
             let half = cot.map(|c| {
-                let root = 1.0f64.hypot(c);
+                let root = (1.0 + c * c).sqrt();
                 if c > 0.0 { 1.0 / (root + c) } else { root - c }
             });
             [0, 1, 2].map(|k| [half[k] / sides[k], half[(k + 1) % 3] / sides[k]])
@@ -36,20 +36,21 @@ pub(super) fn triangle_weights(domain: &Domain<'_>, t: [u32; 3], weights: Weight
     }
 }
 
-/// The symmetric matrix of some triangles of a domain (P1 eq. 24), upper triangle. `slot` gives the unknown of a vertex, below `size`.
+/// The symmetric matrix of some triangles (P1 eq. 24), upper triangle. `flat` gives the layout of a triangle by its place in `triangles`,
+/// `slot` the unknown of a vertex, below `size`.
 ///
 /// # Errors
 /// A matrix with more entries than its index type counts.
 pub(super) fn stiffness(
-    domain: &Domain<'_>,
     triangles: &[[u32; 3]],
+    flat: impl Fn(usize) -> Flat,
     size: usize,
     slot: impl Fn(u32) -> u32,
     weights: Weights,
 ) -> Result<RealMatrix> {
     let mut diagonal = vec![0.0; size];
     let local: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(&slot)).collect();
-    let values: Vec<[f64; 3]> = triangles.iter().map(|&t| triangle_weights(domain, t, weights).map(|w| w[0])).collect();
+    let values: Vec<[f64; 3]> = (0..triangles.len()).map(|f| triangle_weights(flat(f), weights).map(|w| w[0])).collect();
     for (t, w) in local.iter().zip(&values) {
         for k in 0..3 {
             diagonal[t[k] as usize] += w[k] + w[(k + 2) % 3];

@@ -1,7 +1,7 @@
 //! Size, position and direction of a chart in the plane, and its distortion.
 
+use super::domain::{Domain, Flat, root_of_squares};
 use super::outcome::{Distortion, FaceDistortion, Spread};
-use super::domain::{Domain, Flat};
 use crate::vector::Vec2;
 
 /// Layouts and areas of the faces of a patch in normalised coordinates.
@@ -102,7 +102,7 @@ fn face_distortion(flat: &Flat, corners: [Vec2; 3]) -> Option<FaceDistortion> {
     }
     let [a, b] = flat.jacobian(corners);
     let det = a[0] * b[1] - a[1] * b[0];
-    let largest = 0.5 * ((a[0] + b[1]).hypot(a[1] - b[0]) + (a[0] - b[1]).hypot(a[1] + b[0]));
+    let largest = 0.5 * (root_of_squares(a[0] + b[1], a[1] - b[0]) + root_of_squares(a[0] - b[1], a[1] + b[0]));
     let angle = (largest * largest / det.abs()).max(1.0);
     let smallest = det.abs() / largest;
     let stretch = (0.5 * (1.0 / (largest * largest) + 1.0 / (smallest * smallest))).sqrt();

@@ -4,7 +4,7 @@
 //! The dense boundary problem of m loop vertices costs O(m^3). A patch with long loops for its size (a strip, a lace) is kept whole
 //! instead: nothing is eliminated and the boundary problem is sparse, over all vertices.
 
-use super::domain::Domain;
+use super::domain::{Domain, Flat, check_patch};
 use super::operator::{Weights, stiffness};
 use super::outcome::Filling;
 use super::place::FaceShapes;
@@ -62,13 +62,11 @@ pub(super) enum Form {
 }
 
 pub(super) fn plan_as(patch: &Patch, form: Form, work: &Work<'_>) -> Result<ChartSystem> {
-    let domain = Domain::new(patch, 0, Filling::default(), work)?;
-    let pattern = stiffness(&domain, &patch.triangles, patch.positions.len(), |v| v, Weights::Uniform)?;
+    check_patch(patch)?;
+    let pattern = stiffness(&patch.triangles, |_| Flat::default(), patch.positions.len(), |v| v, Weights::Uniform)?;
     work.check()?;
     let plan = match form {
-        Form::Condensed => {
-            Plan::Condensed(Arc::new(CondensationPlan::new(&pattern, &loop_vertices(patch)).map_err(|e| solver_error(&e))?))
-        }
+        Form::Condensed => Plan::Condensed(Arc::new(CondensationPlan::new(&pattern, &loop_vertices(patch)).map_err(|e| solver_error(&e))?)),
         Form::Whole => Plan::Whole(Arc::new(CholeskyPlan::new(&pattern).map_err(|e| solver_error(&e))?)),
     };
     Ok(ChartSystem { plan })
@@ -124,7 +122,7 @@ pub fn factor_system(patch: &Patch, system: &ChartSystem, weights: Weights, work
             if plan.size() != patch.positions.len() {
                 return Err(EngineError::invariant("the plan belongs to another patch"));
             }
-            let matrix = stiffness(&domain, &patch.triangles, patch.positions.len(), |v| v, weights)?;
+            let matrix = stiffness(&patch.triangles, |f| shapes.flats[f], patch.positions.len(), |v| v, weights)?;
             work.check()?;
             Reduction::Condensed(Condensation::new(plan.clone(), &matrix).map_err(|e| solver_error(&e))?)
         }
@@ -141,7 +139,7 @@ pub(super) fn condense_virtual(domain: &Domain<'_>, weights: Weights) -> Result<
     let real = vertices.partition_point(|&v| (v as usize) < domain.patch.positions.len());
     // Every vertex looked up is in the list.
     let slot = |v: u32| vertices.partition_point(|&w| w < v) as u32;
-    let matrix = stiffness(domain, &domain.virtual_triangles, vertices.len(), slot, weights)?;
+    let matrix = stiffness(&domain.virtual_triangles, |f| domain.flat(domain.virtual_triangles[f]), vertices.len(), slot, weights)?;
     let kept: Vec<u32> = (0..real as u32).collect();
     let plan = CondensationPlan::new(&matrix, &kept).map_err(|e| solver_error(&e))?;
     let condensed = Condensation::new(Arc::new(plan), &matrix).map_err(|e| solver_error(&e))?;

@@ -203,8 +203,8 @@ pub(super) fn preview_step(
 ) -> Step<(Stored<ChartOutcome>, Vec<Stored<SolvedMap>>)> {
     let map = &layout.patches.patches[p].2;
     let spec = spec.localised(map, &layout.surface.imported.mesh.positions)?;
-    let tried = tried_maps(context, &spec, &layout.patches, p).map_err(|halt| on_surface(halt, map))?;
     let chart = chart_step(context, &spec, &layout.patches, p)?;
+    let tried = tried_maps(context, &spec, &layout.patches, p).map_err(|halt| on_surface(halt, map))?;
     Ok((chart, tried))
 }
 
@@ -293,10 +293,15 @@ fn factor_step(context: &Context<'_>, weights: Weights, patches: &PatchSet, p: u
         f.fingerprint(*fingerprint).text(&format!("{weights:?}"));
     });
     let of = key.input;
-    context.staged(key, Subject::Patch(p as u32), || system_step(context, patches, p), |system, work| {
-        let factor = factor_system(patch, &system.value.factor, weights, work)?;
-        Ok(Kept { bytes: factor.bytes(), factor, of })
-    })
+    context.staged(
+        key,
+        Subject::Patch(p as u32),
+        || system_step(context, patches, p),
+        |system, work| {
+            let factor = factor_system(patch, &system.value.factor, weights, work)?;
+            Ok(Kept { bytes: factor.bytes(), factor, of })
+        },
+    )
 }
 
 /// Keyed by connectivity only, so that it outlives moved vertices.

@@ -199,7 +199,8 @@ fn a_bad_specification_is_an_error_with_places_and_can_be_mended() {
     let layout = layout(&engine, &session);
     let (_, _, map) = &layout.patches.patches[0];
     let foreign = (0..625).find(|v| !map.vertices.contains(v)).unwrap();
-    let boundary = |v: u32| ChartSpec { boundary: Boundary { start: Some(v), ..Boundary::default() }, ..ChartSpec::only(ChartMethod::Harmonic) };
+    let boundary =
+        |v: u32| ChartSpec { boundary: Boundary { start: Some(v), ..Boundary::default() }, ..ChartSpec::only(ChartMethod::Harmonic) };
     let patch = &layout.patches.patches[0].0;
     let inside = (0..patch.positions.len() as u32).find(|v| !patch.loops.concat().contains(v)).unwrap();
     let inside = map.vertices[inside as usize];
