@@ -15,7 +15,7 @@ pub enum PartitionStrategy {
     /// Recursive cuts of the dual graph until every part has genus 0 (P2 section 4), then borders are smoothed and patches merged
     /// where their union is still valid.
     Multilevel,
-    /// Two-way cuts through the centres of harmonic maps at many scales (P2 section 3): few patches, long ones cut across.
+    /// Two-way cuts through the centres of harmonic maps at many scales (P2 section 3): few patches, long ones cut lengthwise.
     /// Surfaces with handles or without a border are cut by `Multilevel` first (P2 section 4). Its borders are laid along shortest
     /// paths in any case.
     Laplace,
