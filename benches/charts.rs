@@ -250,6 +250,9 @@ fn main() {
     println!("\nspectral conformal");
     bench.measure(
         &ChartSpec::only(ChartMethod::SpectralConformal),
-        &[("least squares conformal", ChartSpec::only(ChartMethod::LeastSquaresConformal))],
+        &[
+            ("least squares conformal, two pins", pins(at(0.0), at(0.5), Some(targets))),
+            ("least squares conformal, any pins", ChartSpec::only(ChartMethod::LeastSquaresConformal)),
+        ],
     );
 }

@@ -3,6 +3,8 @@
 
 mod context;
 mod graph;
+mod kept;
+mod naming;
 mod patch_set;
 
 pub use context::{Event, Progress, Run};
@@ -231,7 +233,7 @@ pub fn preview_chart(
         let layout = graph::layout_step(context, snapshot)?;
         let p = layout.check_patch(patch)?;
         let (outcome, tried) = graph::preview_step(context, &layout, p, spec)?;
-        let verdict = match (&*outcome.value, graph::refusal(&outcome, &layout.patches, p)) {
+        let verdict = match (&*outcome.value, naming::refusal(&outcome, &layout.patches, p)) {
             (_, Some(error)) => ChartVerdict::Refused(error),
             (ChartOutcome::MustSplit { reason, .. }, None) => ChartVerdict::MustSplit(reason.clone()),
             (ChartOutcome::Mapped(_) | ChartOutcome::Refused(_), None) => ChartVerdict::Usable,

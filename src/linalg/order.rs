@@ -51,10 +51,10 @@ fn inner_pattern(starts: &[u32], rows: &[u32], others: &[u32], number: &[u32]) -
 fn minimum_degree(starts: &[u32], rows: &[u32]) -> Result<Vec<u32>, SolveError> {
     let size = starts.len() - 1;
     let refuse = |_| SolveError::Resources("work space of the ordering".to_owned());
-    let mut buffer = MemBuffer::try_new(amd::order_maybe_unsorted_scratch::<u32>(size, rows.len())).map_err(refuse)?;
+    let mut buffer = MemBuffer::try_new(amd::order_scratch::<u32>(size, rows.len())).map_err(refuse)?;
     let (mut forward, mut inverse) = (vec![0u32; size], vec![0u32; size]);
-    let pattern = SymbolicSparseColMatRef::new_unsorted_checked(size, size, starts, None, rows);
-    amd::order_maybe_unsorted(&mut forward, &mut inverse, pattern, amd::Control::default(), MemStack::new(&mut buffer))
+    let pattern = SymbolicSparseColMatRef::new_checked(size, size, starts, None, rows);
+    amd::order(&mut forward, &mut inverse, pattern, amd::Control::default(), MemStack::new(&mut buffer))
         .map_err(|e| SolveError::Resources(e.to_string()))?;
     Ok(forward)
 }
@@ -64,18 +64,24 @@ fn parents(starts: &[u32], rows: &[u32], forward: &[u32]) -> Vec<u32> {
     let size = forward.len();
     let mut inverse = vec![0u32; size];
     forward.iter().enumerate().for_each(|(new, &old)| inverse[old as usize] = new as u32);
-    let mut below: Vec<Vec<u32>> = vec![Vec::new(); size];
-    for column in 0..size {
-        for &row in &rows[starts[column] as usize..starts[column + 1] as usize] {
-            let (a, b) = (inverse[row as usize], inverse[column]);
-            if a != b {
-                below[a.max(b) as usize].push(a.min(b));
-            }
-        }
+    let pairs = || {
+        let entries = (0..size)
+            .flat_map(|column| rows[starts[column] as usize..starts[column + 1] as usize].iter().map(move |&row| (row as usize, column)));
+        entries.map(|(row, column)| (inverse[row], inverse[column])).filter(|(a, b)| a != b).map(|(a, b)| (a.min(b), a.max(b)))
+    };
+    // Counting sort of the entries by their later unknown.
+    let mut ends = vec![0u32; size + 1];
+    pairs().for_each(|(_, later)| ends[later as usize + 1] += 1);
+    (0..size).for_each(|j| ends[j + 1] += ends[j]);
+    let mut earlier = vec![0u32; ends[size] as usize];
+    let mut next = ends.clone();
+    for (a, b) in pairs() {
+        earlier[next[b as usize] as usize] = a;
+        next[b as usize] += 1;
     }
     let (mut parent, mut ancestor) = (vec![NONE; size], vec![NONE; size]);
-    for (j, column) in below.iter().enumerate() {
-        for &start in column {
+    for j in 0..size {
+        for &start in &earlier[ends[j] as usize..ends[j + 1] as usize] {
             let mut i = start;
             while ancestor[i as usize] != j as u32 {
                 let up = std::mem::replace(&mut ancestor[i as usize], j as u32);

@@ -11,9 +11,13 @@ use crate::vector::{Vec2, add, scale};
 /// The maps to try for a patch, in order. `spec` has local vertices.
 ///
 /// # Errors
-/// [`Reason::BadParameter`] if the spec does not fit the patch: a vertex that is not in it, an outer vertex on no loop.
+/// [`Reason::PatchTopology`] for a closed patch; [`Reason::BadParameter`] if the spec does not fit the patch: a vertex that is not in it, an outer vertex on no loop.
 pub fn candidate_maps(patch: &Patch, spec: &ChartSpec) -> Result<Vec<MapSpec>> {
     spec.validate()?;
+    if patch.loops.is_empty() || patch.triangles.is_empty() {
+        return Err(EngineError::new(Reason::PatchTopology, "the patch has no faces or no boundary")
+            .with_hint("partition the surface into patches of genus 0 with a boundary"));
+    }
     let outer = outer_loop(patch, spec.outer)?;
     let several = patch.loops.len() > 1;
     let methods: Vec<ChartMethod> = match spec.method {
@@ -189,7 +193,7 @@ fn edge_location(patch: &Patch, edge: [u32; 2]) -> Location {
     Location { element: Element::Edge, ids: edge.to_vec(), position: scale(add(a, b), 0.5) }
 }
 
-fn face_location(patch: &Patch, face: u32) -> Location {
+pub(super) fn face_location(patch: &Patch, face: u32) -> Location {
     let corners = patch.triangles[face as usize].map(|v| patch.positions[v as usize]);
     let position = std::array::from_fn(|k| (corners[0][k] + corners[1][k] + corners[2][k]) / 3.0);
     Location { element: Element::Face, ids: vec![face], position }

@@ -45,7 +45,8 @@ impl ChartSystem {
 /// Analyses the connectivity of a patch. O(n log n) in practice (approximate minimum degree).
 ///
 /// # Errors
-/// [`Reason::LimitReached`] if the structure does not fit into memory; cancellation; broken invariants of the patch.
+/// [`Reason::PatchTopology`] for a patch that is closed, has a handle or is not connected; [`Reason::LimitReached`] if the structure does not
+/// fit into memory; cancellation; broken invariants of the patch.
 pub fn plan_system(patch: &Patch, work: &Work<'_>) -> Result<ChartSystem> {
     let kept = patch.loops.iter().map(Vec::len).sum::<usize>();
     let dense = kept <= MAX_DENSE && kept as f64 <= MAX_DENSE_PER_ROOT * (patch.positions.len() as f64).sqrt();
@@ -62,6 +63,7 @@ pub(super) enum Form {
 }
 
 pub(super) fn plan_as(patch: &Patch, form: Form, work: &Work<'_>) -> Result<ChartSystem> {
+    check_topology(patch)?;
     check_patch(patch)?;
     let pattern = stiffness(&patch.triangles, |_| Flat::default(), patch.positions.len(), |v| v, Weights::Uniform)?;
     work.check()?;
@@ -70,6 +72,26 @@ pub(super) fn plan_as(patch: &Patch, form: Form, work: &Work<'_>) -> Result<Char
         Form::Whole => Plan::Whole(Arc::new(CholeskyPlan::new(&pattern).map_err(|e| solver_error(&e))?)),
     };
     Ok(ChartSystem { plan })
+}
+
+/// Charts exist of connected patches of genus 0 with a boundary: V - E + F = 2 - loops.
+fn check_topology(patch: &Patch) -> Result<()> {
+    let wrong = |what: String| {
+        let error =
+            EngineError::new(Reason::PatchTopology, what).with_hint("partition the surface into patches of genus 0 with a boundary");
+        error.with_locations(patch.triangles.first().map(|_| super::choose::face_location(patch, 0)))
+    };
+    if patch.loops.is_empty() {
+        return Err(wrong("the patch is closed".to_owned()));
+    }
+    let boundary: usize = patch.loops.iter().map(Vec::len).sum();
+    let (vertices, faces, loops) = (patch.positions.len() as i64, patch.triangles.len() as i64, patch.loops.len() as i64);
+    let edges = (3 * faces + boundary as i64) / 2;
+    match vertices - edges + faces + loops - 2 {
+        0 => Ok(()),
+        excess if excess < 0 => Err(wrong(format!("the patch has {} handles", -excess / 2))),
+        excess => Err(wrong(format!("the patch has {} components", 1 + excess / 2))),
+    }
 }
 
 /// Vertices of all loops, increasing.

@@ -2,14 +2,16 @@
 //! recorded as "will run" and nothing below it is looked at.
 
 use super::context::{Context, Halt, Step};
+use super::kept::Kept;
+use super::naming::{on_surface, refusal};
 use super::patch_set::PatchSet;
 use super::{Charts, Layout, Remesh, Surface};
 use crate::assemble::{Assembled, assemble};
 use crate::bvh::TriangleBvh;
 use crate::curve::{CurveMesh, CurvePolyline, PatchCurve, curve_polyline, mesh_curve, patch_curves, trace_curves};
-use crate::error::{Element, EngineError, Location, Reason, Result};
+use crate::error::{EngineError, Reason, Result};
 use crate::features::{Features, detect_features};
-use crate::fingerprint::{Contents, Feeder, Fingerprint};
+use crate::fingerprint::Contents;
 use crate::import::{ImportOptions, Imported, import_arrays, import_mesh};
 use crate::mesh::SurfaceMesh;
 use crate::optimize::optimize_surface;
@@ -186,14 +188,6 @@ fn spec_and_chart_step(
     }
 }
 
-/// Why a chart is refused, with elements of the surface.
-pub(super) fn refusal(chart: &ChartOutcome, patches: &PatchSet, p: usize) -> Option<EngineError> {
-    match chart {
-        ChartOutcome::Refused(error) => Some(named_on_surface(error.clone(), &patches.patches[p].2).with_metadata("patch", p)),
-        ChartOutcome::Mapped(_) | ChartOutcome::MustSplit { .. } => None,
-    }
-}
-
 /// The chart a patch would have under another specification (vertices of the imported mesh), and the maps that were tried for it.
 pub(super) fn preview_step(
     context: &Context<'_>,
@@ -216,22 +210,6 @@ fn chart_step(context: &Context<'_>, spec: &ChartSpec, patches: &PatchSet, p: us
     });
     let tried = || tried_maps(context, spec, patches, p);
     context.staged(key, Subject::Patch(p as u32), tried, |tried, _| Ok(conclude(patch, spec, &tried))).map_err(|halt| on_surface(halt, map))
-}
-
-fn on_surface(halt: Halt, map: &PatchMap) -> Halt {
-    match halt {
-        Halt::Error(error) => Halt::Error(named_on_surface(error, map)),
-        Halt::Unknown => Halt::Unknown,
-    }
-}
-
-/// The same error with elements of the surface in place of those of a patch.
-fn named_on_surface(error: EngineError, map: &PatchMap) -> EngineError {
-    let name = |table: &[u32], id: u32| table.get(id as usize).copied().unwrap_or(id);
-    error.map_locations(|location| {
-        let table = if location.element == Element::Face { &map.faces } else { &map.vertices };
-        Location { ids: location.ids.iter().map(|&id| name(table, id)).collect(), ..location }
-    })
 }
 
 /// The maps of a patch up to the first that can be used.
@@ -262,7 +240,7 @@ fn solve_step(context: &Context<'_>, map: &MapSpec, patches: &PatchSet, p: usize
         }
     };
     context.staged(key, Subject::Patch(p as u32), factors, |factors, work| match factors {
-        Ok((interior, boundary)) => solve_map(patch, interior.as_ref().map(|f| &f.value.factor), &boundary.value.factor, map, work),
+        Ok((interior, boundary)) => solve_map(patch, interior.as_ref().map(|f| &f.value.output), &boundary.value.output, map, work),
         Err(error) => Ok(unsolved_map(map, &error)),
     })
 }
@@ -282,8 +260,8 @@ fn boundary_step(context: &Context<'_>, problem: ProblemSpec, patches: &PatchSet
     let of = key.input;
     let interior = || problem.family.interior().map(|weights| factor_step(context, weights, patches, p)).transpose();
     context.staged(key, Subject::Patch(p as u32), interior, |interior, work| {
-        let factor = factor_boundary(patch, interior.as_ref().map(|f| &f.value.factor), problem, work)?;
-        Ok(Kept { bytes: factor.bytes(), factor, of })
+        let factor = factor_boundary(patch, interior.as_ref().map(|f| &f.value.output), problem, work)?;
+        Ok(Kept { bytes: factor.bytes(), output: factor, of })
     })
 }
 
@@ -298,8 +276,8 @@ fn factor_step(context: &Context<'_>, weights: Weights, patches: &PatchSet, p: u
         Subject::Patch(p as u32),
         || system_step(context, patches, p),
         |system, work| {
-            let factor = factor_system(patch, &system.value.factor, weights, work)?;
-            Ok(Kept { bytes: factor.bytes(), factor, of })
+            let factor = factor_system(patch, &system.value.output, weights, work)?;
+            Ok(Kept { bytes: factor.bytes(), output: factor, of })
         },
     )
 }
@@ -313,25 +291,8 @@ fn system_step(context: &Context<'_>, patches: &PatchSet, p: usize) -> Step<Stor
     let of = key.input;
     context.stage(key, Subject::Patch(p as u32), |work| {
         let factor = plan_system(patch, work)?;
-        Ok(Kept { bytes: factor.bytes(), factor, of })
+        Ok(Kept { bytes: factor.bytes(), output: factor, of })
     })
-}
-
-/// A factorization in the cache; its identity is that of its key, since equal inputs give equal factors.
-pub(super) struct Kept<T> {
-    factor: T,
-    of: Fingerprint,
-    bytes: usize,
-}
-
-impl<T> Contents for Kept<T> {
-    fn feed(&self, into: &mut Feeder) {
-        into.fingerprint(self.of);
-    }
-
-    fn bytes(&self) -> usize {
-        self.bytes
-    }
 }
 
 pub(super) fn size_step(context: &Context<'_>, snapshot: &Snapshot, charts: &Charts) -> Step<Stored<SizeField>> {
@@ -439,7 +400,8 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
         f.fingerprint(charts.surface.imported.output).fingerprint(assembled.output).fingerprint(sizes.output).text(&format!("{spec:?}"));
     });
     let input = &charts.surface.imported.mesh;
-    let result = context.stage(key, Subject::Surface, |work| optimize_surface(input, &tree.tree, &assembled, &sizes, spec, work))?;
+    let result =
+        context.stage(key, Subject::Surface, |work| optimize_surface(input, &tree.value.output, &assembled, &sizes, spec, work))?;
     Ok(Remesh { charts, sizes, result })
 }
 
@@ -472,29 +434,16 @@ fn with_network_numbers(lifted: &LiftedPatch, uses: &[PatchCurve]) -> LiftedPatc
     copy
 }
 
-/// A cached search tree; its identity is that of the surface it belongs to.
-struct SearchTree {
-    tree: TriangleBvh,
-    of: Fingerprint,
-}
-
-impl Contents for SearchTree {
-    fn feed(&self, into: &mut Feeder) {
-        into.fingerprint(self.of);
-    }
-
-    fn bytes(&self) -> usize {
-        self.tree.bytes()
-    }
-}
-
-fn search_tree_step(context: &Context<'_>, imported: &Stored<Imported>) -> Step<Stored<SearchTree>> {
+fn search_tree_step(context: &Context<'_>, imported: &Stored<Imported>) -> Step<Stored<Kept<TriangleBvh>>> {
     let key = StageKey::new(Stage::SearchTree, |f| {
         f.fingerprint(imported.output);
     });
     let mesh = &imported.mesh;
     let of = imported.output;
-    context.stage(key, Subject::Surface, |_| Ok(SearchTree { tree: TriangleBvh::build(&mesh.positions, &mesh.triangles), of }))
+    context.stage(key, Subject::Surface, |_| {
+        let tree = TriangleBvh::build(&mesh.positions, &mesh.triangles);
+        Ok(Kept { bytes: tree.bytes(), output: tree, of })
+    })
 }
 
 pub(super) fn quality_step(context: &Context<'_>, remesh: &Remesh, scope: QualityScope) -> Step<Stored<QualityReport>> {
@@ -507,9 +456,9 @@ pub(super) fn quality_step(context: &Context<'_>, remesh: &Remesh, scope: Qualit
         let output = &remesh.result.mesh;
         let target = match remesh.sizes.uniform {
             Some(size) => TargetSize::Uniform(size),
-            None => TargetSize::PerVertex(sizes_on_output(surface, &tree.tree, &remesh.sizes, output)?),
+            None => TargetSize::PerVertex(sizes_on_output(surface, &tree.value.output, &remesh.sizes, output)?),
         };
-        measure_quality(&surface.imported.mesh, &tree.tree, output, Some(&target), scope, work)
+        measure_quality(&surface.imported.mesh, &tree.value.output, output, Some(&target), scope, work)
     })
 }
 
@@ -542,5 +491,6 @@ pub(super) fn compare_step(
         f.text("compare").fingerprint(before.output).fingerprint(after.output).option_f64(size).u64(scope as u64);
     });
     let target = size.map(TargetSize::Uniform);
-    context.stage(key, Subject::Surface, |work| measure_quality(&before.mesh, &tree.tree, &after.mesh, target.as_ref(), scope, work))
+    context
+        .stage(key, Subject::Surface, |work| measure_quality(&before.mesh, &tree.value.output, &after.mesh, target.as_ref(), scope, work))
 }

@@ -32,7 +32,9 @@ fn laplacian(side: usize) -> RealMatrix {
 fn border(side: usize) -> Vec<u32> {
     let n = side * side;
     (0..n as u32)
-        .filter(|&v| (v as usize) % side == 0 || (v as usize) % side == side - 1 || (v as usize) < side || v as usize >= n - side)
+        .filter(|&v| {
+            (v as usize).is_multiple_of(side) || (v as usize + 1).is_multiple_of(side) || (v as usize) < side || v as usize >= n - side
+        })
         .collect()
 }
 

@@ -171,7 +171,7 @@ fn cancelled_work_stops_and_broken_patches_are_refused() {
     assert_eq!(stopped.reason(), Reason::Cancelled);
     let fresh = CancelToken::new();
     let empty = Patch::default();
-    assert_eq!(plan_system(&empty, &Work::silent(&fresh)).unwrap_err().reason(), Reason::Invariant);
+    assert_eq!(plan_system(&empty, &Work::silent(&fresh)).unwrap_err().reason(), Reason::PatchTopology);
 }
 
 #[test]

@@ -238,3 +238,66 @@ fn a_refused_method_names_the_faces_and_edges() {
     assert_eq!(error.reason(), Reason::ChartFailed);
     assert!(!error.locations().is_empty() && error.message().contains("spectral conformal"));
 }
+
+#[test]
+fn patches_that_no_chart_can_have_are_told_from_one_another() {
+    // A torus, with and without a hole, and two sheets.
+    let n = 12u32;
+    let at = |i: u32, j: u32| (j % n) * n + i % n;
+    let positions: Vec<Vec3> = (0..n * n)
+        .map(|k| {
+            let (a, b) = (TAU * f64::from(k % n) / f64::from(n), TAU * f64::from(k / n) / f64::from(n));
+            [(2.0 + a.cos()) * b.cos(), (2.0 + a.cos()) * b.sin(), a.sin()]
+        })
+        .collect();
+    let faces = |k: u32| {
+        let (i, j) = (k % n, k / n);
+        [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]]
+    };
+    let torus: Vec<[u32; 3]> = (0..n * n).flat_map(faces).collect();
+    let one = bump();
+    let shift = one.positions.len() as u32;
+    let positions_of_two = one.positions.iter().copied().chain(one.positions.iter().map(|p| [p[0] + 9.0, p[1], p[2]])).collect();
+    let faces_of_two = one.triangles.iter().copied().chain(one.triangles.iter().map(|t| t.map(|v| v + shift))).collect();
+    let cases = [
+        (patch(positions.clone(), torus.clone()), "closed"),
+        (patch(positions, torus[1..].to_vec()), "1 handles"),
+        (patch(positions_of_two, faces_of_two), "2 components"),
+    ];
+    for (patch, what) in cases {
+        for spec in
+            [ChartSpec::default(), ChartSpec::only(ChartMethod::Harmonic), pinned(&[(0, None), (patch.positions.len() as u32 - 1, None)])]
+        {
+            let error = outcome(&patch, spec).unwrap_err();
+            assert_eq!(error.reason(), Reason::PatchTopology, "{error}");
+            assert!(error.message().contains(what) || what == "closed", "{error}");
+        }
+    }
+}
+
+#[test]
+fn faces_without_area_do_not_stop_a_chart() {
+    // A vertex on the middle of an edge makes a face of no area.
+    let mut sheet = grid(6, 6, false, 0.0, |u, v| [u, v, 0.2 * u * v]);
+    let t = sheet.triangles[30];
+    let p = t.map(|v| sheet.positions[v as usize]);
+    let middle = sheet.positions.len() as u32;
+    sheet.positions.push(scale(add(p[0], p[1]), 0.5));
+    sheet.triangles[30] = [middle, t[1], t[2]];
+    sheet.triangles.push([t[0], middle, t[2]]);
+    let other = sheet.triangles.iter().position(|s| (0..3).any(|k| s[k] == t[1] && s[(k + 1) % 3] == t[0])).unwrap();
+    let s = sheet.triangles[other];
+    let k = (0..3).find(|&k| s[k] == t[1] && s[(k + 1) % 3] == t[0]).unwrap();
+    // The face across keeps its long edge, so that the middle vertex makes a sliver of no area with it.
+    sheet.triangles.push([t[0], t[1], middle]);
+    sheet.triangles[other] = [s[k], s[(k + 1) % 3], s[(k + 2) % 3]];
+    let sheet = patch(sheet.positions, sheet.triangles);
+    for method in METHODS {
+        match outcome(&sheet, ChartSpec::only(method)) {
+            Ok(ChartOutcome::Mapped(chart)) => assert_promises(&sheet, &chart),
+            Ok(other) => assert!(matches!(other, ChartOutcome::MustSplit { .. })),
+            Err(error) => assert_eq!(error.reason(), Reason::ChartFailed),
+        }
+    }
+    assert_promises(&sheet, &chart(&sheet, ChartSpec::default()));
+}
