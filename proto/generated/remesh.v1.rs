@@ -1385,7 +1385,7 @@ pub enum PartitionStrategy {
     Auto = 1,
     /// Recursive cuts of the dual graph until every part has genus 0.
     Multilevel = 2,
-    /// Two-way cuts through the centres of harmonic maps at many scales: few patches, long ones cut across.
+    /// Two-way cuts through the centres of harmonic maps at many scales: few patches, long ones cut lengthwise.
     Laplace = 3,
     /// Two-way cuts by one line in one harmonic map. For comparison; fails on long patches.
     MaxCut = 4,
