@@ -213,7 +213,15 @@ fn a_session_of_a_daemon_step_by_step() {
     has(&["set", session, "--max-patch-faces", "800", "--min-chain", "0"], "revision");
     has(&["session", "show", session], "feature_angle: 35.0");
     assert_eq!(at(&["set", session]).code, Some(2), "nothing to set");
-    has(&["partition", session], "patches");
+    has(&["partition", session], "strategy  multilevel: ");
+    has(&["set", session, "--partition-strategy", "plane", "--plane", "0,0,0,-1,0,0", "--borders", "shortest"], "revision");
+    has(&["session", "show", session], "partition_strategy: \"plane\"");
+    has(&["partition", session], "plane     0,0,0,-1,0,0");
+    has(&["partition", session, "--json"], "\"box_aspect_ratio\":");
+    has(&["set", session, "--partition-strategy", "laplace"], "revision");
+    has(&["partition", session, "--json"], "\"strategy\":\"laplace\"");
+    assert_eq!(at(&["set", session, "--plane", "0,0,0,1,0,0"]).code, Some(1), "a plane is for the strategy plane");
+    has(&["set", session, "--partition-strategy", "auto", "--borders", "vote"], "revision");
     has(&["chart", session], "spectral");
     has(&["chart", session, "--patch", "0"], "1 of ");
     chart_of_a_patch(&at, &has, session);

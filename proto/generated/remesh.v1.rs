@@ -1010,6 +1010,16 @@ pub mod feature_spec {
         NoSharpEdges(bool),
     }
 }
+/// A plane in space.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct CutPlane {
+    /// Required. A point on it.
+    #[prost(message, optional, tag = "1")]
+    pub point: ::core::option::Option<Point>,
+    /// Required. Its normal, of any finite length but 0.
+    #[prost(message, optional, tag = "2")]
+    pub normal: ::core::option::Option<Point>,
+}
 /// How the surface is partitioned into patches.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
 pub struct PartitionSpec {
@@ -1022,6 +1032,16 @@ pub struct PartitionSpec {
     /// Bound on pi A / L^2 of a patch, A its area and L its longest border loop. Default 4.
     #[prost(double, optional, tag = "3")]
     pub max_aspect_ratio: ::core::option::Option<f64>,
+    /// By which method. Default AUTO.
+    #[prost(enumeration = "PartitionStrategy", tag = "4")]
+    pub strategy: i32,
+    /// The plane of the strategy PLANE, whose cut is kept as if it were a feature; refused with any other. Not set: planes normal to the
+    /// principal axes and to the coordinate axes are tried, and parts may be merged across the one taken.
+    #[prost(message, optional, tag = "5")]
+    pub plane: ::core::option::Option<CutPlane>,
+    /// What is done to borders. Default VOTE.
+    #[prost(enumeration = "PartitionBorders", tag = "6")]
+    pub borders: i32,
 }
 /// A point of the plane.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
@@ -1351,6 +1371,89 @@ impl MesherKind {
         match value {
             "MESHER_KIND_UNSPECIFIED" => Some(Self::Unspecified),
             "MESHER_KIND_FRONTAL" => Some(Self::Frontal),
+            _ => None,
+        }
+    }
+}
+/// How handles are opened and surfaces divided.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum PartitionStrategy {
+    /// PARTITION_STRATEGY_AUTO.
+    Unspecified = 0,
+    /// The engine chooses: today always PARTITION_STRATEGY_MULTILEVEL; the answer says why.
+    Auto = 1,
+    /// Recursive cuts of the dual graph until every part has genus 0.
+    Multilevel = 2,
+    /// Two-way cuts through the centres of harmonic maps at many scales: few patches, long ones cut lengthwise.
+    Laplace = 3,
+    /// Two-way cuts by one line in one harmonic map. For comparison; fails on long patches.
+    MaxCut = 4,
+    /// Short handle loops are found, and pieces with handles are cut in two such that each loop has one part on either side.
+    Handles = 5,
+    /// A cut by a plane through the handles, given in `plane` or found. What handles it leaves are opened along loops.
+    Plane = 6,
+}
+impl PartitionStrategy {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "PARTITION_STRATEGY_UNSPECIFIED",
+            Self::Auto => "PARTITION_STRATEGY_AUTO",
+            Self::Multilevel => "PARTITION_STRATEGY_MULTILEVEL",
+            Self::Laplace => "PARTITION_STRATEGY_LAPLACE",
+            Self::MaxCut => "PARTITION_STRATEGY_MAX_CUT",
+            Self::Handles => "PARTITION_STRATEGY_HANDLES",
+            Self::Plane => "PARTITION_STRATEGY_PLANE",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "PARTITION_STRATEGY_UNSPECIFIED" => Some(Self::Unspecified),
+            "PARTITION_STRATEGY_AUTO" => Some(Self::Auto),
+            "PARTITION_STRATEGY_MULTILEVEL" => Some(Self::Multilevel),
+            "PARTITION_STRATEGY_LAPLACE" => Some(Self::Laplace),
+            "PARTITION_STRATEGY_MAX_CUT" => Some(Self::MaxCut),
+            "PARTITION_STRATEGY_HANDLES" => Some(Self::Handles),
+            "PARTITION_STRATEGY_PLANE" => Some(Self::Plane),
+            _ => None,
+        }
+    }
+}
+/// What is done to the borders between patches that are not features.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum PartitionBorders {
+    /// PARTITION_BORDERS_VOTE.
+    Unspecified = 0,
+    /// Faces change patches one at a time where that straightens a border. The two-way cuts do not need it: those of LAPLACE are laid
+    /// along shortest paths in any case, those of MAX_CUT are left as they are.
+    Vote = 1,
+    /// Then every border is laid anew along the shortest edge path within a band around it.
+    Shortest = 2,
+}
+impl PartitionBorders {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "PARTITION_BORDERS_UNSPECIFIED",
+            Self::Vote => "PARTITION_BORDERS_VOTE",
+            Self::Shortest => "PARTITION_BORDERS_SHORTEST",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "PARTITION_BORDERS_UNSPECIFIED" => Some(Self::Unspecified),
+            "PARTITION_BORDERS_VOTE" => Some(Self::Vote),
+            "PARTITION_BORDERS_SHORTEST" => Some(Self::Shortest),
             _ => None,
         }
     }
@@ -4829,6 +4932,10 @@ pub struct PatchSummary {
     /// pi A / L^2 with L the longest border loop.
     #[prost(double, tag = "7")]
     pub aspect_ratio: f64,
+    /// Longest side of the oriented box of the patch over that of its longest border loop: a lower bound of the aspect ratio, which
+    /// sees long patches whose border is long, too. Not limited.
+    #[prost(double, tag = "8")]
+    pub box_aspect_ratio: f64,
 }
 /// Request of PartitionSurface.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
@@ -4849,6 +4956,15 @@ pub struct PartitionResult {
     /// What ran.
     #[prost(message, optional, tag = "2")]
     pub summary: ::core::option::Option<RunSummary>,
+    /// The strategy that made it; never AUTO.
+    #[prost(enumeration = "PartitionStrategy", tag = "3")]
+    pub strategy: i32,
+    /// Why this strategy, one sentence.
+    #[prost(string, tag = "4")]
+    pub reason: ::prost::alloc::string::String,
+    /// The plane, if the strategy is PLANE: the one given, or the one found.
+    #[prost(message, optional, tag = "5")]
+    pub plane: ::core::option::Option<CutPlane>,
 }
 /// Response of PartitionSurface: progress, then the result.
 #[derive(Clone, PartialEq, ::prost::Message)]

@@ -1,13 +1,28 @@
-//! Partition of a surface into patches of genus 0 with a boundary (P2 eq. 5), by a multilevel cut of the dual graph.
+//! Partition of a surface into patches of genus 0 with a boundary (P2 eq. 5), by one of several strategies.
 
+mod aspect;
 mod bisect;
+mod cuts;
+mod depth;
 mod divide;
 mod graph;
+mod handles;
+mod homology;
+mod laplace;
+mod max_cut;
 mod merge;
+mod plane;
 mod smooth;
+mod straighten;
+mod strategy;
 mod surface;
 #[cfg(test)]
 mod tests;
+mod two_way;
+
+pub use aspect::{OrientedBox, smallest_box};
+pub use strategy::{BorderSmoothing, PartitionStrategy, Plane};
+pub use two_way::{TwoWayCut, Verdict, cut_in_two};
 
 use crate::error::{EngineError, Reason, Result};
 use crate::features::Features;
@@ -29,11 +44,21 @@ pub struct PartitionSpec {
     pub max_patch_faces: u32,
     /// Bound on eta = pi A / L^2 with L the longest boundary loop (P2 section 4, eta_max = 4).
     pub max_aspect_ratio: f64,
+    /// By which method.
+    pub strategy: PartitionStrategy,
+    /// What is done to the borders between patches.
+    pub borders: BorderSmoothing,
 }
 
 impl Default for PartitionSpec {
     fn default() -> Self {
-        PartitionSpec { patches: None, max_patch_faces: 12_000, max_aspect_ratio: 4.0 }
+        PartitionSpec {
+            patches: None,
+            max_patch_faces: 12_000,
+            max_aspect_ratio: 4.0,
+            strategy: PartitionStrategy::default(),
+            borders: BorderSmoothing::default(),
+        }
     }
 }
 
@@ -52,6 +77,8 @@ pub struct PatchSummary {
     pub border_length: f64,
     /// eta = pi A / L^2 with L the longest loop.
     pub aspect_ratio: f64,
+    /// Lower bound of eta: longest side of the oriented box of the patch over that of its longest loop (P2 section 2). Not limited.
+    pub box_aspect_ratio: f64,
 }
 
 /// A patch number for each face. Patches are connected, of genus 0 and have at least one boundary loop; no feature edge that
@@ -62,6 +89,10 @@ pub struct Partition {
     pub face_patch: Vec<u32>,
     /// Numbers of each patch.
     pub patches: Vec<PatchSummary>,
+    /// The strategy that made it; never `Auto` for what [`partition_surface`] returns. No part of the fingerprint.
+    pub strategy: PartitionStrategy,
+    /// Why this strategy, one sentence. No part of the fingerprint.
+    pub reason: String,
 }
 
 impl Contents for Partition {
@@ -70,14 +101,15 @@ impl Contents for Partition {
     }
 
     fn bytes(&self) -> usize {
-        self.face_patch.len() * 4 + self.patches.len() * std::mem::size_of::<PatchSummary>()
+        self.face_patch.len() * 4 + self.patches.len() * std::mem::size_of::<PatchSummary>() + self.reason.len()
     }
 }
 
 /// Partitions a surface. Deterministic. O(F log F).
 ///
 /// # Errors
-/// [`Reason::BadParameter`]; [`Reason::PatchTopology`] (with locations) if some piece cannot be brought to genus 0 with a boundary.
+/// [`Reason::BadParameter`]; [`Reason::PatchTopology`] (with locations) if some piece cannot be brought to genus 0 with a boundary,
+/// or if [`PartitionStrategy::MaxCut`] fails on it; [`Reason::SolverSingular`] from the maps of the strategies that need them.
 pub fn partition_surface(
     mesh: &SurfaceMesh,
     topology: &Topology,
@@ -88,25 +120,37 @@ pub fn partition_surface(
     check_spec(spec)?;
     check_sizes(mesh, topology, features)?;
     let surface = Surface::new(mesh, topology, features);
-    let limits = Limits::new(spec);
-    let faces = topology.face_count();
+    strategy::partition_by(&surface, spec, work)
+}
+
+/// Multilevel cuts of the dual graph. O(F log F).
+fn multilevel(surface: &Surface<'_>, spec: &PartitionSpec, work: &Work<'_>) -> Result<Partition> {
+    complete(surface, face_groups(surface), Limits::new(spec), spec, work)
+}
+
+/// Divides connected sets of faces as far as `limits` ask for, merges what may be merged and smooths the borders.
+fn complete(surface: &Surface<'_>, sets: Vec<Vec<u32>>, limits: Limits, spec: &PartitionSpec, work: &Work<'_>) -> Result<Partition> {
+    let faces = surface.topology.face_count();
     let wanted = spec.patches.map_or(f64::INFINITY, |k| faces as f64 / f64::from(k));
-    let mut divider = Divider::new(&surface, limits, f64::from(spec.max_patch_faces).min(PLAN_SLACK * wanted).max(1.0));
+    let mut divider = Divider::new(surface, limits, f64::from(spec.max_patch_faces).min(PLAN_SLACK * wanted).max(1.0));
     let mut done = 0;
-    for group in face_groups(&surface) {
-        done += group.len();
-        divider.divide(group, work)?;
+    for set in sets {
+        done += set.len();
+        divider.divide(set, work)?;
         work.step(done, 2 * faces)?;
     }
     let Divider { mut label, mut scratch, .. } = divider;
     let goal = Goal { patches: spec.patches, planned_faces: (MERGE_SLACK * wanted).min(f64::from(u32::MAX)) as u32, limits };
     // Smooth borders merge better, and merged patches have new borders to smooth.
     for _ in 0..2 {
-        smooth::smooth_borders(&surface, &mut label, limits, work)?;
-        merge::merge_patches(&surface, &mut label, &goal, &mut scratch, work)?;
+        smooth::smooth_borders(surface, &mut label, limits, work)?;
+        merge::merge_patches(surface, &mut label, &goal, &mut scratch, work)?;
     }
-    smooth::smooth_borders(&surface, &mut label, limits, work)?;
-    finish(&surface, label, limits, work)
+    smooth::smooth_borders(surface, &mut label, limits, work)?;
+    if spec.borders == BorderSmoothing::Shortest {
+        straighten::straighten_borders(surface, &mut label, limits, work)?;
+    }
+    finish(surface, label, limits, work)
 }
 
 /// With a wanted number of patches, a patch may be this much larger than the mean.
@@ -138,6 +182,11 @@ fn check_sizes(mesh: &SurfaceMesh, topology: &Topology, features: &Features) -> 
 
 /// Connected sets of faces that no closed chain of feature edges divides; in order of their lowest face.
 fn face_groups(surface: &Surface<'_>) -> Vec<Vec<u32>> {
+    connected_sets(surface, |_, _| true)
+}
+
+/// Sets of faces connected over edges that are no features, between faces that are `alike`; in order of their lowest face.
+fn connected_sets(surface: &Surface<'_>, alike: impl Fn(u32, u32) -> bool) -> Vec<Vec<u32>> {
     let mut seen = vec![false; surface.topology.face_count()];
     let mut groups = Vec::new();
     for seed in 0..seen.len() as u32 {
@@ -149,7 +198,7 @@ fn face_groups(surface: &Surface<'_>) -> Vec<Vec<u32>> {
         while head < group.len() {
             let f = group[head];
             head += 1;
-            for g in (3 * f..3 * f + 3).filter_map(|h| surface.crossing(h)) {
+            for g in (3 * f..3 * f + 3).filter_map(|h| surface.crossing(h)).filter(|&g| alike(f, g)) {
                 if !std::mem::replace(&mut seen[g as usize], true) {
                     group.push(g);
                 }
@@ -215,9 +264,10 @@ fn finish(surface: &Surface<'_>, mut label: Vec<u32>, limits: Limits, work: &Wor
             )
             .with_locations(faces.iter().map(|&f| surface.mesh.face_location(f as usize))));
         }
-        patches.push(piece.summary());
+        let box_aspect_ratio = aspect::by_boxes(surface, &label, faces, &piece, &mut scratch);
+        patches.push(PatchSummary { box_aspect_ratio, ..piece.summary() });
     }
-    Ok(Partition { face_patch: label, patches })
+    Ok(Partition { face_patch: label, patches, ..Partition::default() })
 }
 
 /// Splits the listed patches in two (those whose chart failed) and leaves all others' face sets as they are. A patch listed
@@ -258,5 +308,6 @@ pub fn split_patches(
         let (_, second) = divider.halve(faces, 1.0, work)?;
         divider.name(&second);
     }
-    finish(&surface, divider.label, limits, work)
+    let (strategy, reason) = (partition.strategy, partition.reason.clone());
+    Ok(Partition { strategy, reason, ..finish(&surface, divider.label, limits, work)? })
 }

@@ -51,7 +51,7 @@ pub struct SampleSpec {
     /// takes 83 from 40,000 triangles on and proportionally fewer below). A brake disc of genus `g` has `g - 6` vanes and 5 bolt
     /// slots, or, below genus 12, `g - 1` vanes and no slot. Ignored by no kind: the others refuse it.
     pub genus: Option<u32>,
-    /// Open ends of `Artery`, the inlet included (2 to 40), i.e. the number of boundary loops; `None` takes the usual 9.
+    /// Open ends of `Artery`, the inlet included (2 to 240), i.e. the number of boundary loops; `None` takes the usual 9.
     pub outlets: Option<u32>,
     /// Height over diameter of `Tube` (0.25 to 100); `None` takes 3.
     pub aspect_ratio: Option<f64>,
@@ -96,7 +96,7 @@ fn check(spec: &SampleSpec) -> Result<()> {
         SampleKind::Brake => Some((2, 400)),
         _ => None,
     };
-    let outlet_range = (spec.kind == SampleKind::Artery).then_some((2, 40));
+    let outlet_range = (spec.kind == SampleKind::Artery).then_some((2, 240));
     check_count("genus", spec.genus, genus_range)?;
     check_count("outlets", spec.outlets, outlet_range)?;
     match spec.aspect_ratio {

@@ -6,13 +6,15 @@ mod values;
 pub(crate) use chart::{ChartAllArgs, ChartArgs, ChartOutput, ChartSpecArgs, ChartVerb, PatchOf};
 #[cfg(test)]
 pub(crate) use values::PinArg;
-pub(crate) use values::{BoundaryCurve, HoleChoice, OuterLoop, PinChoice, SpacingChoice, names_session, session_name};
+pub(crate) use values::{
+    BorderChoice, BoundaryCurve, HoleChoice, OuterLoop, PartitionStrategy, PinChoice, PlaneArg, SpacingChoice, names_session, session_name,
+};
 pub(crate) use values::{ChartMethod, ColourBy, Encoding, FeatureAngle, ObjRegions, ReadFormat, SampleName, Unit, Up};
 
 use clap::{ArgAction, Args, Parser, Subcommand};
 use std::path::PathBuf;
 use std::time::Duration;
-use values::{duration, feature_angle, not_negative, positive};
+use values::{duration, feature_angle, not_negative, plane, positive};
 
 const AFTER_HELP: &str = "\
 Exit codes:
@@ -199,6 +201,15 @@ pub(crate) struct InputArgs {
     /// Bound on pi A / L^2 of a patch (A its area, L its longest border) [default: 4]
     #[arg(long, value_name = "RATIO", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) max_aspect_ratio: Option<f64>,
+    /// How handles are opened and the surface is divided [default: auto, which is multilevel today]
+    #[arg(long, value_name = "STRATEGY")]
+    pub(crate) partition_strategy: Option<PartitionStrategy>,
+    /// Point and normal of the plane of `--partition-strategy plane`; without it the best of a few planes is taken
+    #[arg(long, value_name = "X,Y,Z,NX,NY,NZ", value_parser = plane, allow_negative_numbers = true, allow_hyphen_values = true)]
+    pub(crate) plane: Option<PlaneArg>,
+    /// What is done to the borders between patches [default: vote]
+    #[arg(long, value_name = "HOW")]
+    pub(crate) borders: Option<BorderChoice>,
     /// Rounds of optimisation across patch borders; 0 leaves the mesh as it was joined [default: 5]
     #[arg(long, value_name = "N")]
     pub(crate) rounds: Option<u32>,

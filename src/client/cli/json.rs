@@ -152,7 +152,19 @@ pub(crate) fn patch(patch: &v1::PatchSummary) -> Value {
         "genus": patch.genus,
         "border_length": patch.border_length,
         "aspect_ratio": patch.aspect_ratio,
+        "box_aspect_ratio": patch.box_aspect_ratio,
     })
+}
+
+/// The name of a strategy as on the command line.
+pub(crate) fn strategy_name(strategy: v1::PartitionStrategy) -> String {
+    enum_name(strategy.as_str_name(), "PARTITION_STRATEGY_").replace('_', "-")
+}
+
+/// Point and normal of a plane.
+pub(crate) fn plane(plane: Option<v1::CutPlane>) -> Value {
+    let vector = |p: Option<v1::Point>| p.map(|p| [p.x, p.y, p.z]);
+    plane.map_or(Value::Null, |plane| json!({ "point": vector(plane.point), "normal": vector(plane.normal) }))
 }
 
 fn spread(spread: Option<v1::Spread>) -> Value {
@@ -261,6 +273,9 @@ fn inputs(inputs: &v1::SessionInputs) -> Value {
         "patches": partition.patches,
         "max_patch_faces": partition.max_patch_faces,
         "max_aspect_ratio": partition.max_aspect_ratio,
+        "partition_strategy": strategy_name(partition.strategy()),
+        "plane": plane(partition.plane),
+        "borders": enum_name(partition.borders().as_str_name(), "PARTITION_BORDERS_"),
         "chart": inputs.charts.as_ref().map(chart_spec),
         "patch_charts": inputs.patch_charts,
         "size": size,

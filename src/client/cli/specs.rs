@@ -5,8 +5,8 @@ mod chart;
 pub(crate) use chart::{chart_edit, merged_chart, names_vertices};
 
 use super::args::{
-    ChartMethod, ChartSpecArgs, Encoding, FeatureAngle, ImportArgs, InputArgs, ObjRegions, ReadFormat, SampleName, SampleSpecArgs,
-    SizeArgs, Unit,
+    BorderChoice, ChartMethod, ChartSpecArgs, Encoding, FeatureAngle, ImportArgs, InputArgs, ObjRegions, PartitionStrategy, ReadFormat,
+    SampleName, SampleSpecArgs, SizeArgs, Unit,
 };
 use super::failure::{Failure, Outcome};
 use super::files;
@@ -197,11 +197,35 @@ fn put_partition(args: &InputArgs, spec: &mut v1::PartitionSpec) -> bool {
     spec.patches = args.patches.or(spec.patches);
     spec.max_patch_faces = args.max_patch_faces.or(spec.max_patch_faces);
     spec.max_aspect_ratio = args.max_aspect_ratio.or(spec.max_aspect_ratio);
-    args.patches.is_some() || args.max_patch_faces.is_some() || args.max_aspect_ratio.is_some()
+    if let Some(strategy) = args.partition_strategy {
+        spec.set_strategy(match strategy {
+            PartitionStrategy::Auto => v1::PartitionStrategy::Auto,
+            PartitionStrategy::Multilevel => v1::PartitionStrategy::Multilevel,
+            PartitionStrategy::Laplace => v1::PartitionStrategy::Laplace,
+            PartitionStrategy::MaxCut => v1::PartitionStrategy::MaxCut,
+            PartitionStrategy::Handles => v1::PartitionStrategy::Handles,
+            PartitionStrategy::Plane => v1::PartitionStrategy::Plane,
+        });
+        // A strategy named anew has the plane named with it, or finds one.
+        spec.plane = None;
+    }
+    if let Some(plane) = args.plane {
+        let point = |[x, y, z]: [f64; 3]| Some(v1::Point { x, y, z });
+        spec.plane = Some(v1::CutPlane { point: point(plane.point), normal: point(plane.normal) });
+    }
+    if let Some(borders) = args.borders {
+        spec.set_borders(match borders {
+            BorderChoice::Vote => v1::PartitionBorders::Vote,
+            BorderChoice::Shortest => v1::PartitionBorders::Shortest,
+        });
+    }
+    let numbers = args.patches.is_some() || args.max_patch_faces.is_some() || args.max_aspect_ratio.is_some();
+    numbers || args.partition_strategy.is_some() || args.plane.is_some() || args.borders.is_some()
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::args::PlaneArg;
     use super::*;
     use std::path::PathBuf;
 
@@ -243,6 +267,15 @@ mod tests {
         let mut partition = v1::PartitionSpec { patches: Some(3), ..Default::default() };
         assert!(put_partition(&InputArgs { max_patch_faces: Some(100), ..Default::default() }, &mut partition));
         assert_eq!((partition.patches, partition.max_patch_faces), (Some(3), Some(100)));
+        let plane = PlaneArg { point: [1.0, 2.0, 3.0], normal: [0.0, 0.0, -1.0] };
+        let args = InputArgs { partition_strategy: Some(PartitionStrategy::Plane), plane: Some(plane), ..Default::default() };
+        assert!(put_partition(&args, &mut partition));
+        assert_eq!(partition.plane.and_then(|p| p.normal), Some(v1::Point { x: 0.0, y: 0.0, z: -1.0 }));
+        assert!(put_partition(&InputArgs { borders: Some(BorderChoice::Shortest), ..Default::default() }, &mut partition));
+        assert!(partition.plane.is_some() && partition.strategy() == v1::PartitionStrategy::Plane, "other options leave the plane");
+        let laplace = InputArgs { partition_strategy: Some(PartitionStrategy::Laplace), ..Default::default() };
+        assert!(put_partition(&laplace, &mut partition) && partition.plane.is_none());
+        assert_eq!(partition.borders(), v1::PartitionBorders::Shortest);
     }
 
     #[test]

@@ -99,20 +99,32 @@ pub(crate) async fn partition(context: &Context, session: &str) -> Outcome<Repor
     let result = context.client.partition(session, |progress| bar.progress(progress)).await?;
     drop(bar);
     let mut text = summary::line("patches", result.patches.len());
-    text += "    patch      faces        area  loops   aspect\n";
+    text += &summary::line("strategy", format!("{}: {}", json::strategy_name(result.strategy()), result.reason));
+    if let Some(v1::CutPlane { point: Some(p), normal: Some(n) }) = &result.plane {
+        text += &summary::line("plane", format!("{},{},{},{},{},{}", p.x, p.y, p.z, n.x, n.y, n.z));
+    }
+    text += "    patch      faces        area  loops   aspect  of box\n";
     for p in &result.patches {
         text += &format!(
-            "{:>9} {:>10} {:>11} {:>6} {:>8.2}\n",
+            "{:>9} {:>10} {:>11} {:>6} {:>8.2} {:>7.2}\n",
             p.patch,
             summary::grouped(p.faces.into()),
             Short(p.area).to_string(),
             p.loops,
-            p.aspect_ratio
+            p.aspect_ratio,
+            p.box_aspect_ratio
         );
     }
     text += &result.summary.as_ref().map(summary::run).unwrap_or_default();
     let patches: Vec<_> = result.patches.iter().map(json::patch).collect();
-    Ok(Report { text, json: json!({ "patches": patches, "work": json::run(&result.summary) }) })
+    let json = json!({
+        "patches": patches,
+        "strategy": json::strategy_name(result.strategy()),
+        "reason": result.reason,
+        "plane": json::plane(result.plane),
+        "work": json::run(&result.summary),
+    });
+    Ok(Report { text, json })
 }
 
 pub(crate) async fn remesh(context: &Context, args: &PatchesArgs) -> Outcome<Report> {

@@ -57,7 +57,7 @@ fn joined(size: f64) -> (SurfaceMesh, Result<Assembled>) {
     let halves = [half(&mesh, 1.0), half(&mesh, -1.0)];
     let mut face_patch = vec![0; mesh.triangles.len()];
     halves[1].1.faces.iter().for_each(|&f| face_patch[f as usize] = 1);
-    let partition = Partition { face_patch, patches: vec![PatchSummary::default(); 2] };
+    let partition = Partition { face_patch, patches: vec![PatchSummary::default(); 2], ..Partition::default() };
     let features = Features { is_feature: vec![false; topology.halfedge_count()], corners: Vec::new() };
     let network = trace_curves(&topology, &features, &partition);
     let cancel = CancelToken::new();

@@ -110,7 +110,11 @@ fn curves_of_a_grid_cut_in_quarters() {
         let (i, j) = (f as u32 / 2 / n, f as u32 / 2 % n);
         2 * u32::from(i >= n / 2) + u32::from(j >= n / 2)
     };
-    let partition = Partition { face_patch: (0..triangles.len()).map(quarter).collect(), patches: vec![PatchSummary::default(); 4] };
+    let partition = Partition {
+        face_patch: (0..triangles.len()).map(quarter).collect(),
+        patches: vec![PatchSummary::default(); 4],
+        ..Partition::default()
+    };
     // A dangling feature of two edges inside the first quarter.
     let mut features = Features { is_feature: vec![false; topology.halfedge_count()], corners: vec![0, n, n * (n + 1), n * (n + 2)] };
     for h in 0..topology.halfedge_count() as u32 {
@@ -138,7 +142,7 @@ fn two_single_edges_between_the_same_ends_are_avoided() {
     // Two triangles of different patches: the diagonal is a seam between the ends of two boundary curves.
     let triangles = [[0, 1, 2], [0, 2, 3]];
     let topology = Topology::build(&triangles, 4).unwrap();
-    let partition = Partition { face_patch: vec![0, 1], patches: vec![PatchSummary::default(); 2] };
+    let partition = Partition { face_patch: vec![0, 1], patches: vec![PatchSummary::default(); 2], ..Partition::default() };
     let features = Features { is_feature: vec![false; 6], corners: Vec::new() };
     let network = trace_curves(&topology, &features, &partition);
     let of = |kind: CurveKind| network.curves.iter().filter(|c| c.kind == kind).map(|c| c.min_edges).collect::<Vec<_>>();
@@ -150,7 +154,8 @@ fn closed_seam_without_junction_is_one_closed_curve() {
     // An octahedron cut around its equator.
     let triangles = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [1, 0, 5], [2, 1, 5], [3, 2, 5], [0, 3, 5]];
     let topology = Topology::build(&triangles, 6).unwrap();
-    let partition = Partition { face_patch: vec![0, 0, 0, 0, 1, 1, 1, 1], patches: vec![PatchSummary::default(); 2] };
+    let partition =
+        Partition { face_patch: vec![0, 0, 0, 0, 1, 1, 1, 1], patches: vec![PatchSummary::default(); 2], ..Partition::default() };
     let features = Features { is_feature: vec![false; 24], corners: Vec::new() };
     let network = trace_curves(&topology, &features, &partition);
     assert_eq!(network.curves.len(), 1);

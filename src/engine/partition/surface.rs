@@ -104,6 +104,7 @@ impl Piece {
             genus: self.genus().max(0) as u32,
             border_length: self.border_length,
             aspect_ratio: self.aspect_ratio(),
+            box_aspect_ratio: 0.0,
         }
     }
 }
@@ -149,6 +150,12 @@ impl Stamps {
     #[inline]
     pub(super) fn mark(&mut self, i: u32) -> bool {
         std::mem::replace(&mut self.stamp[i as usize], self.now) != self.now
+    }
+
+    /// Whether an element is marked.
+    #[inline]
+    pub(super) fn is_marked(&self, i: u32) -> bool {
+        self.stamp[i as usize] == self.now
     }
 }
 

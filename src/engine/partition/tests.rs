@@ -8,6 +8,9 @@ use crate::work::CancelToken;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
+mod strategies;
+mod two_way;
+
 /// A grid whose ends in either direction may be joined; `place` maps `[0, 1]^2` into space.
 fn grid([nu, nv]: [u32; 2], [join_u, join_v]: [bool; 2], place: impl Fn(f64, f64) -> Vec3) -> SurfaceMesh {
     let (cu, cv) = (nu + u32::from(!join_u), nv + u32::from(!join_v));
@@ -321,7 +324,7 @@ fn a_vertex_where_a_patch_touches_itself_is_doubled() {
         (face_patch[f], face_patch[f + 1]) = (1, 1);
     }
     let patches = vec![PatchSummary::default(); 2];
-    let extracted = extract_patches(&case.mesh, &case.topology, &Partition { face_patch, patches }).unwrap();
+    let extracted = extract_patches(&case.mesh, &case.topology, &Partition { face_patch, patches, ..Partition::default() }).unwrap();
     let (patch, map) = &extracted[1];
     assert_eq!(map.vertices.iter().filter(|&&v| v == 12).count(), 2);
     let own = Topology::build(&patch.triangles, patch.positions.len()).unwrap();

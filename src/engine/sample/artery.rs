@@ -10,15 +10,22 @@ use crate::vector::{Vec3, add, add_scaled, norm, scale, sub, unit};
 /// Share of its radius by which a strand runs on beyond the plane that cuts it.
 const OVERHANG: f64 = 0.6;
 
+/// Trees with more ends than this have forked side branches: their trunk would become too long for a vessel.
+const PLAIN: u32 = 40;
+
 /// A tree with `ends` open ends, inlet included: a trunk that forks into two legs (which fork again from 6 ends on), the other
-/// ends on side branches that wind around the trunk. Radii 3.5 to 11 mm.
+/// ends on side branches that wind around the trunk, which fork, too, above [`PLAIN`] ends. Radii 2.6 to 11 mm.
 pub(super) fn tree(ends: u32) -> Body {
     let legs = match ends {
         2 => 0,
         3..=5 => 2,
         _ => 4,
     };
-    let sides = ends - 1 - legs.max(1);
+    let ends_at_sides = ends - 1 - legs.max(1);
+    let sides = if ends > PLAIN { ends_at_sides.div_ceil(2) } else { ends_at_sides };
+    // A forked branch has two ends; an odd number leaves the last branch plain.
+    let forks = ends_at_sides - sides;
+    let mut forked = Vec::new();
     let length = 90.0 + 17.0 * f64::from(sides.max(2));
     let trunk = |t: f64| -> (Vec3, f64) {
         let bend = [7.0 * (PI * 1.3 * t).sin(), 12.0 * (PI * t).sin() + 9.0 * t, -length * t];
@@ -45,8 +52,17 @@ pub(super) fn tree(ends: u32) -> Body {
             let sweep = add(around(turn + 0.35 * t, 52.0 * t), [0.0, 0.0, 6.0 * (PI * t).sin() - droop * t * t]);
             (add(root, sweep), 4.9 - 1.3 * t)
         }));
+        if side < forks {
+            forked.push(strands.len() - 1);
+            let tip = add(root, add(around(turn + 0.35, 52.0), [0.0, 0.0, -droop]));
+            for bend in [-0.55, 0.55] {
+                let away = |t: f64| add(around(turn + 0.35 + bend, 34.0 * t), [0.0, 0.0, -8.0 * t]);
+                strands.push(curve(4, |t| (add(tip, away(t)), 3.4 - 0.8 * t)));
+            }
+        }
     }
-    let free: Vec<usize> = (0..strands.len()).filter(|&s| !(legs > 0 && s == 0 || legs == 4 && (s == 1 || s == 4))).collect();
+    let trunks = |s: usize| legs > 0 && s == 0 || legs == 4 && (s == 1 || s == 4);
+    let free: Vec<usize> = (0..strands.len()).filter(|s| !trunks(*s) && !forked.contains(s)).collect();
     let mut openings = vec![open(&mut strands[0], false)];
     openings.extend(free.into_iter().map(|s| open(&mut strands[s], true)));
     Body { field: field(strands, 3.0), openings, genus: 0, name: "wall" }

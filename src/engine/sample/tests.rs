@@ -44,9 +44,17 @@ fn near(mesh: &SurfaceMesh, wanted: u64) -> bool {
 
 #[test]
 fn arteries_have_one_loop_per_end() {
-    for (ends, triangles) in
-        [(None, 6_000), (None, 30_000), (Some(2), 2_000), (Some(3), 4_000), (Some(5), 6_000), (Some(20), 6_000), (Some(40), 8_000)]
-    {
+    for (ends, triangles) in [
+        (None, 6_000),
+        (None, 30_000),
+        (Some(2), 2_000),
+        (Some(3), 4_000),
+        (Some(5), 6_000),
+        (Some(20), 6_000),
+        (Some(40), 8_000),
+        (Some(41), 40_000),
+        (Some(130), 60_000),
+    ] {
         let mesh = made(&SampleSpec { outlets: ends, ..SampleSpec::new(SampleKind::Artery, triangles) });
         assert_eq!(numbers(&mesh), (0, ends.unwrap_or(9)));
         assert!(near(&mesh, triangles), "{ends:?}: {} of {triangles}", mesh.triangles.len());

@@ -13,7 +13,7 @@ use remesh_engine::import::{Format, ImportOptions, ObjRegions};
 use remesh_engine::mesh::{LengthUnit, Region, SurfaceMesh};
 use remesh_engine::optimize::OptimizeSpec;
 use remesh_engine::parametrize::ChartSpec;
-use remesh_engine::partition::PartitionSpec;
+use remesh_engine::partition::{BorderSmoothing, PartitionSpec, PartitionStrategy, Plane};
 use remesh_engine::planar::Mesher;
 use remesh_engine::quality::QualityScope;
 use remesh_engine::sample::{SampleKind, SampleSpec};
@@ -188,7 +188,44 @@ pub(crate) fn partition(spec: &v1::PartitionSpec) -> Result<PartitionSpec> {
     }
     let max_aspect_ratio = spec.max_aspect_ratio.unwrap_or(default.max_aspect_ratio);
     positive(max_aspect_ratio, "partition.max_aspect_ratio")?;
-    Ok(PartitionSpec { patches: spec.patches, max_patch_faces: spec.max_patch_faces.unwrap_or(default.max_patch_faces), max_aspect_ratio })
+    let max_patch_faces = spec.max_patch_faces.unwrap_or(default.max_patch_faces);
+    let strategy = strategy(spec)?;
+    let borders = match known(spec.borders, "partition.borders")? {
+        v1::PartitionBorders::Unspecified | v1::PartitionBorders::Vote => BorderSmoothing::Vote,
+        v1::PartitionBorders::Shortest => BorderSmoothing::Shortest,
+    };
+    Ok(PartitionSpec { patches: spec.patches, max_patch_faces, max_aspect_ratio, strategy, borders })
+}
+
+fn strategy(spec: &v1::PartitionSpec) -> Result<PartitionStrategy> {
+    let strategy = match known(spec.strategy, "partition.strategy")? {
+        v1::PartitionStrategy::Unspecified | v1::PartitionStrategy::Auto => PartitionStrategy::Auto,
+        v1::PartitionStrategy::Multilevel => PartitionStrategy::Multilevel,
+        v1::PartitionStrategy::Laplace => PartitionStrategy::Laplace,
+        v1::PartitionStrategy::MaxCut => PartitionStrategy::MaxCut,
+        v1::PartitionStrategy::Handles => PartitionStrategy::Handles,
+        v1::PartitionStrategy::Plane => return Ok(PartitionStrategy::Plane { plane: spec.plane.as_ref().map(plane).transpose()? }),
+    };
+    match spec.plane {
+        None => Ok(strategy),
+        Some(_) => Err(EngineError::bad_parameter("partition.plane", "is only for the strategy plane")),
+    }
+}
+
+fn plane(plane: &v1::CutPlane) -> Result<Plane> {
+    let vector = |value: Option<v1::Point>, field: &str| {
+        let v1::Point { x, y, z } = required(value, field)?;
+        if [x, y, z].iter().all(|value| value.is_finite()) {
+            Ok([x, y, z])
+        } else {
+            Err(EngineError::bad_parameter(field, format!("({x}, {y}, {z}) is not finite")))
+        }
+    };
+    let (point, normal) = (vector(plane.point, "partition.plane.point")?, vector(plane.normal, "partition.plane.normal")?);
+    if normal == [0.0; 3] {
+        return Err(EngineError::bad_parameter("partition.plane.normal", "must not be 0"));
+    }
+    Ok(Plane { point, normal })
 }
 
 fn positive(value: f64, field: &str) -> Result<()> {
@@ -416,6 +453,33 @@ mod tests {
         assert_eq!(partition(&v1::PartitionSpec::default()), Ok(PartitionSpec::default()));
         assert_eq!(charts(&v1::ChartSpec::default()), Ok(ChartSpec::default()));
         assert_eq!(optimize(&v1::OptimizeSpec::default()), Ok(OptimizeSpec::default()));
+    }
+
+    #[test]
+    fn a_plane_must_be_one_and_go_with_its_strategy() {
+        let point = |[x, y, z]: [f64; 3]| Some(v1::Point { x, y, z });
+        let plane = |point, normal| Some(v1::CutPlane { point, normal });
+        let (origin, up) = (point([0.0; 3]), point([0.0, 0.0, 2.0]));
+        let spec = |strategy: v1::PartitionStrategy, plane| v1::PartitionSpec { strategy: strategy.into(), plane, ..Default::default() };
+        let by_plane = |plane| partition(&spec(v1::PartitionStrategy::Plane, plane));
+        for (bad, field) in [
+            (partition(&spec(v1::PartitionStrategy::Unspecified, plane(origin, up))), "partition.plane"),
+            (partition(&spec(v1::PartitionStrategy::Handles, plane(origin, up))), "partition.plane"),
+            (by_plane(plane(None, up)), "partition.plane.point"),
+            (by_plane(plane(origin, None)), "partition.plane.normal"),
+            (by_plane(plane(origin, origin)), "partition.plane.normal"),
+            (by_plane(plane(point([f64::NAN, 0.0, 0.0]), up)), "partition.plane.point"),
+            (by_plane(plane(origin, point([0.0, f64::INFINITY, 0.0]))), "partition.plane.normal"),
+            (partition(&v1::PartitionSpec { strategy: 99, ..Default::default() }), "partition.strategy"),
+            (partition(&v1::PartitionSpec { borders: -1, ..Default::default() }), "partition.borders"),
+        ] {
+            let error = bad.expect_err(field);
+            assert_eq!((error.reason(), field_of(&error)), (Reason::BadParameter, field));
+        }
+        for wire in [spec(v1::PartitionStrategy::Plane, plane(origin, up)), spec(v1::PartitionStrategy::Plane, None)] {
+            let engine = partition(&wire).expect("valid");
+            assert_eq!(partition(&crate::convert::to_proto::partition(&engine)), Ok(engine), "there and back");
+        }
     }
 
     #[test]

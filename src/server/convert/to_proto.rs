@@ -7,7 +7,7 @@ use remesh_engine::features::{FeatureSpec, RegionBorders};
 use remesh_engine::import::ImportReport;
 use remesh_engine::mesh::{LengthUnit, Region, SurfaceMesh};
 use remesh_engine::optimize::OptimizeSpec;
-use remesh_engine::partition::{PartitionSpec, PatchSummary};
+use remesh_engine::partition::{BorderSmoothing, PartitionSpec, PartitionStrategy, PatchSummary, Plane};
 use remesh_engine::planar::Mesher;
 use remesh_engine::quality::{Fidelity, QualityReport, ShapeQuality, TopologyNumbers};
 use remesh_engine::session::Snapshot;
@@ -170,6 +170,7 @@ pub(crate) fn patch_summary(number: usize, patch: &PatchSummary) -> v1::PatchSum
         genus: patch.genus,
         border_length: patch.border_length,
         aspect_ratio: patch.aspect_ratio,
+        box_aspect_ratio: patch.box_aspect_ratio,
     }
 }
 
@@ -244,8 +245,38 @@ fn features(spec: &FeatureSpec) -> v1::FeatureSpec {
     }
 }
 
-fn partition(spec: &PartitionSpec) -> v1::PartitionSpec {
-    v1::PartitionSpec { patches: spec.patches, max_patch_faces: Some(spec.max_patch_faces), max_aspect_ratio: Some(spec.max_aspect_ratio) }
+pub(super) fn partition(spec: &PartitionSpec) -> v1::PartitionSpec {
+    let borders = match spec.borders {
+        BorderSmoothing::Vote => v1::PartitionBorders::Vote,
+        BorderSmoothing::Shortest => v1::PartitionBorders::Shortest,
+    };
+    let (strategy, plane) = strategy(spec.strategy);
+    v1::PartitionSpec {
+        patches: spec.patches,
+        max_patch_faces: Some(spec.max_patch_faces),
+        max_aspect_ratio: Some(spec.max_aspect_ratio),
+        strategy: strategy.into(),
+        plane,
+        borders: borders.into(),
+    }
+}
+
+/// A strategy and the plane it has.
+pub(crate) fn strategy(strategy: PartitionStrategy) -> (v1::PartitionStrategy, Option<v1::CutPlane>) {
+    use v1::PartitionStrategy as Wire;
+    match strategy {
+        PartitionStrategy::Auto => (Wire::Auto, None),
+        PartitionStrategy::Multilevel => (Wire::Multilevel, None),
+        PartitionStrategy::Laplace => (Wire::Laplace, None),
+        PartitionStrategy::MaxCut => (Wire::MaxCut, None),
+        PartitionStrategy::Handles => (Wire::Handles, None),
+        PartitionStrategy::Plane { plane } => (Wire::Plane, plane.map(cut_plane)),
+    }
+}
+
+fn cut_plane(plane: Plane) -> v1::CutPlane {
+    let point = |[x, y, z]: [f64; 3]| Some(v1::Point { x, y, z });
+    v1::CutPlane { point: point(plane.point), normal: point(plane.normal) }
 }
 
 fn size(spec: &SizeSpec) -> v1::SizeSpec {

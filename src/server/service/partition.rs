@@ -37,7 +37,14 @@ fn partition(shared: &Shared, run: &Run<'_>, target: &Target) -> EngineResult<v1
     let begin = Instant::now();
     let answer = pipeline::partition(&shared.engine, &target.snapshot, run)?;
     let patches = answer.value.patches.iter().enumerate().map(|(number, patch)| to_proto::patch_summary(number, patch)).collect();
-    Ok(v1::PartitionResult { patches, summary: Some(to_proto::summary(&answer.records, begin.elapsed().as_secs_f64() * 1e3)) })
+    let (strategy, plane) = to_proto::strategy(answer.value.strategy);
+    Ok(v1::PartitionResult {
+        patches,
+        summary: Some(to_proto::summary(&answer.records, begin.elapsed().as_secs_f64() * 1e3)),
+        strategy: strategy.into(),
+        reason: answer.value.reason.clone(),
+        plane,
+    })
 }
 
 const PATCH_COLUMNS: [v1::DataColumn; 4] =

@@ -59,6 +59,37 @@ pub(crate) enum ChartMethod {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PartitionStrategy {
+    /// The engine chooses: today always multilevel
+    Auto,
+    /// Recursive cuts of the dual graph
+    Multilevel,
+    /// Two-way cuts through the centres of harmonic maps at many scales
+    Laplace,
+    /// Two-way cuts by one line in one map, for comparison; fails on long patches
+    MaxCut,
+    /// Along short loops around or along handles
+    Handles,
+    /// By a plane through the handles
+    Plane,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum BorderChoice {
+    /// Faces change patches where that straightens a border
+    Vote,
+    /// Then borders are laid along shortest paths within a band
+    Shortest,
+}
+
+/// A plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct PlaneArg {
+    pub(crate) point: [f64; 3],
+    pub(crate) normal: [f64; 3],
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum HoleChoice {
     /// Open, then centre, then plane: whatever passes the checks first
     Auto,
@@ -159,6 +190,16 @@ pub(super) fn feature_angle(text: &str) -> Result<FeatureAngle, String> {
     match number(text) {
         Ok(value) if value > 0.0 && value < 180.0 => Ok(FeatureAngle::Degrees(value)),
         _ => Err("must be between 0 and 180 degrees, or `none`".into()),
+    }
+}
+
+/// `x,y,z,nx,ny,nz`.
+pub(super) fn plane(text: &str) -> Result<PlaneArg, String> {
+    let numbers: Vec<f64> = text.split(',').map(|part| number(part.trim())).collect::<Result<_, _>>()?;
+    match numbers[..] {
+        [x, y, z, nx, ny, nz] if [nx, ny, nz] != [0.0; 3] => Ok(PlaneArg { point: [x, y, z], normal: [nx, ny, nz] }),
+        [_, _, _, _, _, _] => Err("the normal must not be 0".into()),
+        _ => Err(format!("'{text}' is not a plane x,y,z,nx,ny,nz")),
     }
 }
 

@@ -4,6 +4,7 @@ use crate::harness::{Daemon, assert_refused, column, size_of_count, tube};
 use remesh_proto::v1;
 use remesh_proto::v1::remesh_surface_response::Event;
 use tonic::Code;
+use tonic_types::StatusExt;
 
 #[tokio::test]
 async fn a_second_remesh_finds_everything_in_the_cache() {
@@ -96,12 +97,8 @@ async fn single_patches_can_be_meshed_and_wrong_ones_are_told() {
     assert_refused(remesh_listed(&daemon, &session, vec![0, 0]).await, Code::InvalidArgument, "BAD_PARAMETER");
 }
 
-#[tokio::test]
-async fn the_partition_has_patches_that_can_be_mapped() {
-    let daemon = Daemon::usual().await;
-    let session = daemon.session().await;
-    daemon.import(&session, tube(2_000)).await.expect("import");
-    let request = v1::PartitionSurfaceRequest { session, ..Default::default() };
+async fn partition(daemon: &Daemon, session: &str) -> v1::PartitionResult {
+    let request = v1::PartitionSurfaceRequest { session: session.to_owned(), ..Default::default() };
     let mut stream = daemon.partitions().partition_surface(request).await.expect("partition").into_inner();
     let mut partition = None;
     while let Some(message) = stream.message().await.expect("message") {
@@ -109,7 +106,60 @@ async fn the_partition_has_patches_that_can_be_mapped() {
             partition = Some(result);
         }
     }
-    assert!(partition.expect("result").patches.iter().all(|p| p.genus == 0 && p.loops >= 1));
+    partition.expect("result")
+}
+
+#[tokio::test]
+async fn the_partition_has_patches_that_can_be_mapped() {
+    let daemon = Daemon::usual().await;
+    let session = daemon.session().await;
+    daemon.import(&session, tube(2_000)).await.expect("import");
+    let partition = partition(&daemon, &session).await;
+    assert!(partition.patches.iter().all(|p| p.genus == 0 && p.loops >= 1 && p.box_aspect_ratio > 0.0));
+    assert_eq!(partition.strategy(), v1::PartitionStrategy::Multilevel);
+    assert!(!partition.reason.is_empty() && partition.plane.is_none());
+}
+
+#[tokio::test]
+async fn every_strategy_can_be_asked_for_and_is_told() {
+    use v1::PartitionStrategy as Strategy;
+    let daemon = Daemon::usual().await;
+    let session = daemon.session().await;
+    let kind = v1::SampleKind::Pelvis.into();
+    let pelvis = v1::SampleSpec { kind, triangles: Some(4_000), genus: Some(2), ..Default::default() };
+    daemon.import(&session, v1::import_mesh_request::Source::Sample(pelvis)).await.expect("import");
+    let change = |spec| v1::change::Change::Partition(spec);
+    for strategy in [Strategy::Auto, Strategy::Multilevel, Strategy::Laplace, Strategy::Handles, Strategy::Plane] {
+        let spec = v1::PartitionSpec { strategy: strategy.into(), ..Default::default() };
+        daemon.change(&session, None, change(spec)).await.expect("change");
+        let told = partition(&daemon, &session).await;
+        assert_eq!(told.strategy(), if strategy == Strategy::Auto { Strategy::Multilevel } else { strategy });
+        assert!(told.patches.len() > 1 && told.patches.iter().all(|p| p.genus == 0 && p.loops >= 1), "{strategy:?}");
+        assert_eq!(told.plane.is_some(), strategy == Strategy::Plane, "the plane found is told");
+    }
+    // A given plane, shortest borders; the session tells them.
+    let point = |x: f64, y: f64, z: f64| Some(v1::Point { x, y, z });
+    let plane = v1::CutPlane { point: point(0.0, 0.0, 0.0), normal: point(1.0, 0.0, 0.0) };
+    let borders = v1::PartitionBorders::Shortest.into();
+    let spec = v1::PartitionSpec { strategy: Strategy::Plane.into(), plane: Some(plane), borders, ..Default::default() };
+    daemon.change(&session, None, change(spec)).await.expect("change");
+    assert_eq!(partition(&daemon, &session).await.plane, Some(plane));
+    let got = daemon.sessions().get_session(v1::GetSessionRequest { name: session.clone() }).await.expect("get").into_inner();
+    let inputs = got.session.and_then(|s| s.inputs).and_then(|i| i.partition).expect("partition");
+    assert_eq!((inputs.plane, inputs.strategy(), inputs.borders), (Some(plane), Strategy::Plane, borders));
+    // What cannot be is refused, with the field.
+    let flat = v1::CutPlane { normal: point(0.0, 0.0, 0.0), ..plane };
+    let odd = v1::CutPlane { point: point(f64::NAN, 0.0, 0.0), ..plane };
+    for (strategy, plane, field) in [
+        (Strategy::Handles, plane, "partition.plane"),
+        (Strategy::Unspecified, plane, "partition.plane"),
+        (Strategy::Plane, flat, "partition.plane.normal"),
+        (Strategy::Plane, odd, "partition.plane.point"),
+    ] {
+        let spec = v1::PartitionSpec { strategy: strategy.into(), plane: Some(plane), ..Default::default() };
+        let status = assert_refused(daemon.change(&session, None, change(spec)).await, Code::InvalidArgument, "BAD_PARAMETER");
+        assert_eq!(status.get_error_details().bad_request().expect("violations").field_violations[0].field, field);
+    }
 }
 
 #[tokio::test]
