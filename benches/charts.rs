@@ -43,7 +43,8 @@ impl Bench {
     fn open(&self) -> (Arc<Engine>, Arc<Session>) {
         let engine = Engine::new(EngineConfig::default());
         let session = engine.create_session(None, SystemTime::now()).expect("a session opens");
-        let partition = PartitionSpec { patches: Some(self.patches), max_patch_faces: 1 << 24, max_aspect_ratio: 1e6 };
+        let partition =
+            PartitionSpec { patches: Some(self.patches), max_patch_faces: 1 << 24, max_aspect_ratio: 1e6, ..PartitionSpec::default() };
         let features = FeatureSpec { feature_angle_deg: None, ..FeatureSpec::default() };
         let mesh = Change::Mesh { source: self.source.clone(), options: ImportOptions::default() };
         session.apply(None, &[mesh, Change::Features(features), Change::Partition(partition)]).expect("the changes apply");
@@ -147,7 +148,7 @@ fn one_patch(path: &str) -> Patch {
     let mesh = import_mesh(&blob.bytes, &ImportOptions::default(), &work).expect("the file is a surface").mesh;
     let topology = Topology::build(&mesh.triangles, mesh.positions.len()).expect("the surface is manifold");
     let faces = mesh.triangles.len();
-    let partition = Partition { face_patch: vec![0; faces], patches: vec![PatchSummary::default()] };
+    let partition = Partition { face_patch: vec![0; faces], patches: vec![PatchSummary::default()], ..Partition::default() };
     extract_patches(&mesh, &topology, &partition).expect("the surface has a boundary").remove(0).0
 }
 
