@@ -1,6 +1,7 @@
 //! Partition of a surface into patches of genus 0 with a boundary (P2 eq. 5), by one of several strategies.
 
 mod aspect;
+mod auto;
 mod bisect;
 mod cuts;
 mod depth;
@@ -11,6 +12,8 @@ mod homology;
 mod laplace;
 mod max_cut;
 mod merge;
+mod nearest;
+mod pants;
 mod plane;
 mod smooth;
 mod straighten;
@@ -32,7 +35,7 @@ use crate::topology::Topology;
 use crate::work::Work;
 use divide::Divider;
 use merge::Goal;
-use surface::{Limits, Surface, measure};
+use surface::{Limits, Scratch, Surface, measure};
 
 /// How to partition.
 #[derive(Debug, Clone, PartialEq)]
@@ -128,10 +131,16 @@ fn multilevel(surface: &Surface<'_>, spec: &PartitionSpec, work: &Work<'_>) -> R
     complete(surface, face_groups(surface), Limits::new(spec), spec, work)
 }
 
-/// Divides connected sets of faces as far as `limits` ask for, merges what may be merged and smooths the borders.
-fn complete(surface: &Surface<'_>, sets: Vec<Vec<u32>>, limits: Limits, spec: &PartitionSpec, work: &Work<'_>) -> Result<Partition> {
+/// Divides connected sets of faces as far as `limits` ask for: a label for each face.
+fn divided(
+    surface: &Surface<'_>,
+    sets: Vec<Vec<u32>>,
+    limits: Limits,
+    spec: &PartitionSpec,
+    work: &Work<'_>,
+) -> Result<(Vec<u32>, Scratch)> {
     let faces = surface.topology.face_count();
-    let wanted = spec.patches.map_or(f64::INFINITY, |k| faces as f64 / f64::from(k));
+    let wanted = wanted_faces(surface, spec);
     let mut divider = Divider::new(surface, limits, f64::from(spec.max_patch_faces).min(PLAN_SLACK * wanted).max(1.0));
     let mut done = 0;
     for set in sets {
@@ -139,7 +148,18 @@ fn complete(surface: &Surface<'_>, sets: Vec<Vec<u32>>, limits: Limits, spec: &P
         divider.divide(set, work)?;
         work.step(done, 2 * faces)?;
     }
-    let Divider { mut label, mut scratch, .. } = divider;
+    Ok((divider.label, divider.scratch))
+}
+
+/// Faces of a patch if there are as many patches as wanted; infinite if no number is.
+fn wanted_faces(surface: &Surface<'_>, spec: &PartitionSpec) -> f64 {
+    spec.patches.map_or(f64::INFINITY, |k| surface.topology.face_count() as f64 / f64::from(k))
+}
+
+/// Divides connected sets of faces as far as `limits` ask for, merges what may be merged and smooths the borders.
+fn complete(surface: &Surface<'_>, sets: Vec<Vec<u32>>, limits: Limits, spec: &PartitionSpec, work: &Work<'_>) -> Result<Partition> {
+    let (mut label, mut scratch) = divided(surface, sets, limits, spec, work)?;
+    let wanted = wanted_faces(surface, spec);
     let goal = Goal { patches: spec.patches, planned_faces: (MERGE_SLACK * wanted).min(f64::from(u32::MAX)) as u32, limits };
     // Smooth borders merge better, and merged patches have new borders to smooth.
     for _ in 0..2 {

@@ -278,7 +278,7 @@ pub(crate) struct SampleSpecArgs {
     /// The same as a linear measure: about 2 N^2 triangles, as N by N squares have
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
     pub(crate) resolution: Option<u64>,
-    /// Handles (genus) of the pelvis or of the brake
+    /// Handles (genus) of the pelvis, of the brake or of the lattice
     #[arg(long, value_name = "N")]
     pub(crate) genus: Option<u32>,
     /// Outlets of the artery

@@ -59,6 +59,7 @@ pub(crate) fn sample_spec(args: &SampleSpecArgs) -> v1::SampleSpec {
         SampleName::Brake => v1::SampleKind::Brake,
         SampleName::CadPart => v1::SampleKind::CadPart,
         SampleName::Tube => v1::SampleKind::Tube,
+        SampleName::Lattice => v1::SampleKind::Lattice,
     };
     v1::SampleSpec {
         kind: kind.into(),
@@ -204,6 +205,7 @@ fn put_partition(args: &InputArgs, spec: &mut v1::PartitionSpec) -> bool {
             PartitionStrategy::Laplace => v1::PartitionStrategy::Laplace,
             PartitionStrategy::MaxCut => v1::PartitionStrategy::MaxCut,
             PartitionStrategy::Handles => v1::PartitionStrategy::Handles,
+            PartitionStrategy::Pants => v1::PartitionStrategy::Pants,
             PartitionStrategy::Plane => v1::PartitionStrategy::Plane,
         });
         // A strategy named anew has the plane named with it, or finds one.

@@ -1,11 +1,10 @@
 //! Loops through and around the handles of a surface: tree-cotree decomposition with short fundamental cycles (P3 algorithm 1, with one
 //! shortest path tree for all loops in place of one path for every cut vertex).
 
+use super::nearest::Nearest;
 use crate::error::Result;
 use crate::topology::Topology;
 use crate::work::Work;
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
 
 /// Edges at the boundary count as this much longer: loops keep away from it where they can.
 const BOUNDARY_COST: f64 = 3.0;
@@ -85,34 +84,19 @@ fn cost_of(topology: &Topology, length: &[f64], h: u32) -> f64 {
 fn shortest_path_tree(topology: &Topology, length: &[f64], root: u32, work: &Work<'_>) -> Result<Tree> {
     let n = topology.vertex_count();
     let own: Vec<u32> = (0..n as u32).collect();
-    let mut tree = Tree { edge: vec![None; n], parent: own.clone(), depth: vec![0; n], jump: own, distance: vec![f64::INFINITY; n] };
-    let mut settled = vec![false; n];
-    let mut heap: BinaryHeap<(Reverse<u64>, Reverse<u32>)> = BinaryHeap::new();
-    let mut steps = 0;
+    let mut tree = Tree { edge: vec![None; n], parent: own.clone(), depth: vec![0; n], jump: own, distance: Vec::new() };
+    let mut nearest = Nearest::new(n);
     for start in [root].into_iter().chain(0..n as u32).filter(|&v| (v as usize) < n) {
-        if settled[start as usize] {
+        if nearest.distance[start as usize].is_finite() {
             continue;
         }
-        tree.distance[start as usize] = 0.0;
-        heap.push((Reverse(0), Reverse(start)));
-        while let Some((_, Reverse(v))) = heap.pop() {
-            if std::mem::replace(&mut settled[v as usize], true) {
-                continue;
-            }
-            steps += 1;
-            if steps % CHECK == 0 {
-                work.check()?;
-            }
+        nearest.source(start);
+        while let Some(v) = nearest.take(work)? {
+            tree.parent[v as usize] = nearest.from[v as usize];
             tree.settle(v);
-            let from = tree.distance[v as usize];
             let mut relax = |w: u32, h: u32| {
-                let distance = from + cost_of(topology, length, h);
-                if distance < tree.distance[w as usize] {
-                    tree.distance[w as usize] = distance;
-                    tree.parent[w as usize] = v;
+                if nearest.reach(v, w, cost_of(topology, length, h)) {
                     tree.edge[w as usize] = Some(h);
-                    // Bits of a positive number order as the number does.
-                    heap.push((Reverse(distance.to_bits()), Reverse(w)));
                 }
             };
             for h in topology.outgoing(v) {
@@ -124,6 +108,7 @@ fn shortest_path_tree(topology: &Topology, length: &[f64], root: u32, work: &Wor
             }
         }
     }
+    tree.distance = nearest.distance;
     Ok(tree)
 }
 

@@ -204,6 +204,7 @@ fn strategy(spec: &v1::PartitionSpec) -> Result<PartitionStrategy> {
         v1::PartitionStrategy::Laplace => PartitionStrategy::Laplace,
         v1::PartitionStrategy::MaxCut => PartitionStrategy::MaxCut,
         v1::PartitionStrategy::Handles => PartitionStrategy::Handles,
+        v1::PartitionStrategy::Pants => PartitionStrategy::Pants,
         v1::PartitionStrategy::Plane => return Ok(PartitionStrategy::Plane { plane: spec.plane.as_ref().map(plane).transpose()? }),
     };
     match spec.plane {
@@ -364,6 +365,7 @@ pub(crate) fn sample(engine: &Engine, spec: &v1::SampleSpec) -> Result<SampleSpe
             v1::SampleKind::Brake => SampleKind::Brake,
             v1::SampleKind::CadPart => SampleKind::CadPart,
             v1::SampleKind::Tube => SampleKind::Tube,
+            v1::SampleKind::Lattice => SampleKind::Lattice,
         },
         triangles,
         genus: spec.genus,

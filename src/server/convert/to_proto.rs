@@ -270,6 +270,7 @@ pub(crate) fn strategy(strategy: PartitionStrategy) -> (v1::PartitionStrategy, O
         PartitionStrategy::Laplace => (Wire::Laplace, None),
         PartitionStrategy::MaxCut => (Wire::MaxCut, None),
         PartitionStrategy::Handles => (Wire::Handles, None),
+        PartitionStrategy::Pants => (Wire::Pants, None),
         PartitionStrategy::Plane { plane } => (Wire::Plane, plane.map(cut_plane)),
     }
 }

@@ -70,6 +70,8 @@ pub(crate) enum PartitionStrategy {
     MaxCut,
     /// Along short loops around or along handles
     Handles,
+    /// Into parts with three loops (pants decomposition)
+    Pants,
     /// By a plane through the handles
     Plane,
 }
@@ -168,6 +170,8 @@ pub(crate) enum SampleName {
     CadPart,
     /// Tube, open at both ends
     Tube,
+    /// Struts along the net of a gyroid, of high genus, marching cubes style
+    Lattice,
 }
 
 fn number(text: &str) -> Result<f64, String> {
