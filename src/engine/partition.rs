@@ -80,8 +80,6 @@ pub struct PatchSummary {
     pub border_length: f64,
     /// eta = pi A / L^2 with L the longest loop.
     pub aspect_ratio: f64,
-    /// Lower bound of eta: longest side of the oriented box of the patch over that of its longest loop (P2 section 2). Not limited.
-    pub box_aspect_ratio: f64,
 }
 
 /// A patch number for each face. Patches are connected, of genus 0 and have at least one boundary loop; no feature edge that
@@ -284,10 +282,27 @@ fn finish(surface: &Surface<'_>, mut label: Vec<u32>, limits: Limits, work: &Wor
             )
             .with_locations(faces.iter().map(|&f| surface.mesh.face_location(f as usize))));
         }
-        let box_aspect_ratio = aspect::by_boxes(surface, &label, faces, &piece, &mut scratch);
-        patches.push(PatchSummary { box_aspect_ratio, ..piece.summary() });
+        patches.push(piece.summary());
     }
     Ok(Partition { face_patch: label, patches, ..Partition::default() })
+}
+
+/// Lower bound of eta of every patch: longest side of the oriented box of the patch over that of its longest loop (P2 section 2). Limited
+/// by nothing, so it is no part of a [`Partition`]; it costs about a tenth of one.
+///
+/// # Errors
+/// Those of `work`.
+pub fn box_aspect_ratios(mesh: &SurfaceMesh, topology: &Topology, partition: &Partition, work: &Work<'_>) -> Result<Vec<f64>> {
+    let label = &partition.face_patch;
+    if label.len() != topology.face_count() || mesh.triangles.len() != label.len() {
+        return Err(EngineError::invariant("the partition is not of this surface"));
+    }
+    let mut scratch = Scratch::new(topology);
+    let ratio = |faces: Vec<u32>| {
+        work.check()?;
+        Ok(aspect::by_boxes(mesh, topology, label, &faces, &mut scratch))
+    };
+    faces_by_patch(label).into_iter().map(ratio).collect()
 }
 
 /// Splits the listed patches in two (those whose chart failed) and leaves all others' face sets as they are. A patch listed

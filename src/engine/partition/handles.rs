@@ -127,17 +127,22 @@ fn halve(surface: &Surface<'_>, faces: &[u32], loops: Loops, work: &Work<'_>) ->
 pub(super) fn cut_open(surface: &Surface<'_>, sheet: &mut Sheet, wanted: Loops, work: &Work<'_>) -> Result<Topology> {
     let mut topology = sheet.topology()?;
     let mut genus = topology.totals().1;
-    let mut on_cut = vec![false; surface.topology.vertex_count()];
+    let mut cuts = vec![Place::Free; surface.topology.vertex_count()];
     let (mut idle, mut round) = (0, 0u32);
     while genus > 0 && idle < IDLE_ROUNDS {
         let root = round.wrapping_mul(0x9E37) % topology.vertex_count().max(1) as u32;
         round += 1;
         let found = handle_loops(&topology, &sheet.length, root, work)?;
-        let cut = choose(surface, sheet, &topology, &found, wanted, &on_cut);
+        let cut = choose(surface, sheet, &topology, &found, wanted, &cuts);
         for &i in &cut {
             for &h in &found[i].edges {
-                on_cut[sheet.corner[h as usize] as usize] = true;
-                on_cut[sheet.corner[topology.next(h) as usize] as usize] = true;
+                for v in [sheet.corner[h as usize], sheet.corner[topology.next(h) as usize]] {
+                    for k in surface.topology.outgoing(v) {
+                        let beside = &mut cuts[surface.topology.target(k) as usize];
+                        *beside = (*beside).max(Place::Beside);
+                    }
+                    cuts[v as usize] = Place::On;
+                }
                 sheet.cut(h);
             }
         }
@@ -149,16 +154,24 @@ pub(super) fn cut_open(surface: &Surface<'_>, sheet: &mut Sheet, wanted: Loops, 
     Ok(topology)
 }
 
-/// Loops, sorted by length, that keep at least an edge off each other and off earlier cuts. If all meet earlier cuts, the first alone.
-/// Any disjoint loops of a basis leave the surface connected.
-fn choose(surface: &Surface<'_>, sheet: &Sheet, topology: &Topology, found: &[Loop], wanted: Loops, on_cut: &[bool]) -> Vec<usize> {
-    let pick = |order: &mut dyn Iterator<Item = usize>| {
-        let mut near = vec![false; on_cut.len()];
+/// Where a vertex is with respect to earlier cuts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Place {
+    Free,
+    Beside,
+    On,
+}
+
+/// Loops, sorted by length, that keep at least an edge off each other and off earlier cuts; if there is none, such that meet no earlier
+/// cut; if all do, the first alone. Any disjoint loops of a basis leave the surface connected.
+fn choose(surface: &Surface<'_>, sheet: &Sheet, topology: &Topology, found: &[Loop], wanted: Loops, cuts: &[Place]) -> Vec<usize> {
+    let pick = |order: &mut dyn Iterator<Item = usize>, most: Place| {
+        let mut near = vec![false; cuts.len()];
         let mut chosen = Vec::new();
         for i in order {
             let ends = |&h: &u32| [sheet.corner[h as usize], sheet.corner[topology.next(h) as usize]];
             let vertices: Vec<u32> = found[i].edges.iter().flat_map(ends).collect();
-            if vertices.iter().any(|&v| near[v as usize] || on_cut[v as usize]) {
+            if vertices.iter().any(|&v| near[v as usize] || cuts[v as usize] > most) {
                 continue;
             }
             for v in vertices {
@@ -169,13 +182,17 @@ fn choose(surface: &Surface<'_>, sheet: &Sheet, topology: &Topology, found: &[Lo
         }
         chosen
     };
-    let shortest = pick(&mut (0..found.len()));
-    let dual = match wanted {
-        Loops::Shortest => Vec::new(),
-        Loops::Dual => pick(&mut (0..found.len()).filter(|i| shortest.binary_search(i).is_err())),
-    };
-    let any = if found.is_empty() { Vec::new() } else { vec![0] };
-    [dual, shortest].into_iter().find(|chosen| !chosen.is_empty()).unwrap_or(any)
+    for most in [Place::Free, Place::Beside] {
+        let shortest = pick(&mut (0..found.len()), most);
+        let dual = match wanted {
+            Loops::Shortest => Vec::new(),
+            Loops::Dual => pick(&mut (0..found.len()).filter(|i| shortest.binary_search(i).is_err()), most),
+        };
+        if let Some(chosen) = [dual, shortest].into_iter().find(|chosen| !chosen.is_empty()) {
+            return chosen;
+        }
+    }
+    if found.is_empty() { Vec::new() } else { vec![0] }
 }
 
 /// Gives each side of every cut one of two labels and spreads them: from the cut sides of a label along paths that join them, then to

@@ -6,8 +6,9 @@ use crate::error::Result;
 use crate::topology::Topology;
 use crate::work::Work;
 
-/// Edges at the boundary count as this much longer: loops keep away from it where they can.
-const BOUNDARY_COST: f64 = 3.0;
+/// Edges at the boundary, and edges at their neighbours, count as this much longer: loops keep away from it where they can.
+const BOUNDARY_COST: f64 = 30.0;
+const NEAR_COST: f64 = 4.0;
 /// Steps between checkpoints.
 const CHECK: usize = 1 << 14;
 
@@ -37,6 +38,7 @@ struct Tree {
 /// # Errors
 /// Only those of `work`.
 pub(super) fn handle_loops(topology: &Topology, length: &[f64], root: u32, work: &Work<'_>) -> Result<Vec<Loop>> {
+    let length = &costs(topology, length);
     let tree = shortest_path_tree(topology, length, root, work)?;
     let mut candidates: Vec<(f64, u32)> = Vec::new();
     for h in (0..topology.halfedge_count() as u32).filter(|&h| topology.is_edge_representative(h)) {
@@ -47,7 +49,7 @@ pub(super) fn handle_loops(topology: &Topology, length: &[f64], root: u32, work:
         if !tree.has_edge(topology, h, a, b) {
             let top = tree.common_ancestor(a, b);
             let cost = tree.distance[a as usize] + tree.distance[b as usize] - 2.0 * tree.distance[top as usize];
-            candidates.push((cost + cost_of(topology, length, h), h));
+            candidates.push((cost + length[h as usize], h));
         }
     }
     candidates.sort_unstable_by(|x, y| y.0.total_cmp(&x.0).then(y.1.cmp(&x.1)));
@@ -75,9 +77,15 @@ pub(super) fn holes_of(topology: &Topology) -> Vec<u32> {
     hole
 }
 
-fn cost_of(topology: &Topology, length: &[f64], h: u32) -> f64 {
-    let at_boundary = topology.is_boundary_vertex(topology.origin(h)) || topology.is_boundary_vertex(topology.target(h));
-    length[h as usize] * if at_boundary { BOUNDARY_COST } else { 1.0 }
+/// Length of each halfedge, more near the boundary.
+fn costs(topology: &Topology, length: &[f64]) -> Vec<f64> {
+    let mut toll = vec![1.0; topology.vertex_count()];
+    for h in topology.loops.iter().flatten() {
+        topology.outgoing(topology.origin(*h)).for_each(|k| toll[topology.target(k) as usize] = NEAR_COST);
+    }
+    topology.loops.iter().flatten().for_each(|&h| toll[topology.origin(h) as usize] = BOUNDARY_COST);
+    let of = |h: u32| toll[topology.origin(h) as usize].max(toll[topology.target(h) as usize]);
+    length.iter().zip(0..).map(|(l, h)| l * of(h)).collect()
 }
 
 /// Dijkstra from `root`, then from the lowest vertex not reached, until all are.
@@ -95,7 +103,7 @@ fn shortest_path_tree(topology: &Topology, length: &[f64], root: u32, work: &Wor
             tree.parent[v as usize] = nearest.from[v as usize];
             tree.settle(v);
             let mut relax = |w: u32, h: u32| {
-                if nearest.reach(v, w, cost_of(topology, length, h)) {
+                if nearest.reach(v, w, length[h as usize]) {
                     tree.edge[w as usize] = Some(h);
                 }
             };

@@ -108,7 +108,14 @@ struct Pants<'a> {
     wave: Nearest,
 }
 
-/// Where a way ends.
+/// How far a growing part keeps off other holes: so that later parts can get between, or just so that it does not touch them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Room {
+    Wide,
+    Narrow,
+}
+
+/// A way between two holes.
 struct Way {
     holes: [u32; 2],
     faces: Vec<u32>,
@@ -155,7 +162,11 @@ impl<'a> Pants<'a> {
             if heap.peek().is_some_and(|Reverse(next)| next.0 < way.cost.to_bits()) {
                 heap.push(Reverse((way.cost.to_bits(), meeting)));
             } else {
-                self.cut_off(&way, work)?;
+                for room in [Room::Wide, Room::Narrow] {
+                    if self.cut_off(&way, room, work)? {
+                        break;
+                    }
+                }
             }
         }
         Ok(())
@@ -237,8 +248,8 @@ impl<'a> Pants<'a> {
     }
 
     /// Cuts off the part between two holes and the shortest front of the wave that runs from both and from the way between them. Nothing
-    /// happens where the front cannot get clear of the holes.
-    fn cut_off(&mut self, way: &Way, work: &Work<'_>) -> Result<()> {
+    /// happens, and the answer is `false`, where the front cannot get clear of the holes.
+    fn cut_off(&mut self, way: &Way, room: Room, work: &Work<'_>) -> Result<bool> {
         let (holes, name) = (way.holes, self.region_hole.len() as u32);
         let rims: Vec<u32> = holes.iter().flat_map(|&i| self.rim[i as usize].iter().copied()).collect();
         let mut front = Front { length: holes.iter().map(|&i| self.around[i as usize]).sum(), ..Front::default() };
@@ -261,10 +272,10 @@ impl<'a> Pants<'a> {
         let mut best: Option<(f64, usize)> = None;
         let mut end = f64::INFINITY;
         while let Some(f) = self.wave.take(work)?.filter(|&f| self.wave.distance[f as usize] <= end) {
-            let mut stack = vec![f];
+            let (now, mut stack) = (self.wave.distance[f as usize], vec![f]);
             while let Some(f) = stack.pop() {
                 let added = self.pants[f as usize] == name;
-                if !added && !self.may_add(f, holes, name) {
+                if !added && !self.may_add(f, holes, name, room) {
                     continue;
                 }
                 if !added {
@@ -272,7 +283,8 @@ impl<'a> Pants<'a> {
                 }
                 for (g, step) in self.dual.neighbours(f) {
                     if self.pants[g as usize] == NONE {
-                        if self.wave.distance[g as usize] <= self.wave.distance[f as usize] && !added {
+                        // What has been refused may fit now.
+                        if !added && self.wave.distance[g as usize] <= now {
                             stack.push(g);
                         }
                         if self.wave.reach(f, g, step) {
@@ -283,28 +295,40 @@ impl<'a> Pants<'a> {
             }
             if front.pending == 0 && best.is_none_or(|b| front.length < b.0) {
                 best = Some((front.length, front.faces.len()));
-                end = self.wave.distance[f as usize] + REACH * front.length;
+                end = now + REACH * front.length;
             }
         }
         self.wave.forget(reached);
         self.keep(holes, front, best);
-        Ok(())
+        Ok(best.is_some())
     }
 
     /// Whether a face meets the growing part in one stretch of its outline, and nothing else that is closed.
-    fn may_add(&mut self, f: u32, holes: [u32; 2], name: u32) -> bool {
+    fn may_add(&mut self, f: u32, holes: [u32; 2], name: u32, room: Room) -> bool {
         let (mut edges, mut apex) = (0, NONE);
         for h in 3 * f..3 * f + 3 {
             if self.is_closed(h, holes, name) {
                 edges += 1;
                 apex = self.flat.origin(self.flat.prev(h));
             }
-            let touched = self.touches[self.flat.origin(h) as usize];
-            if touched != NONE && !self.is_one_of(touched, holes) {
+            let v = self.flat.origin(h);
+            if self.is_foreign(v, holes) {
                 return false;
+            }
+            if room == Room::Wide && !self.mine.is_marked(v) {
+                let flat = self.flat;
+                if flat.outgoing(v).any(|k| self.is_foreign(flat.target(k), holes)) {
+                    return false;
+                }
             }
         }
         edges == 2 || edges == 1 && !self.mine.is_marked(apex) && self.touches[apex as usize] == NONE
+    }
+
+    /// Whether a vertex lies on a hole that is none of two.
+    fn is_foreign(&mut self, v: u32, holes: [u32; 2]) -> bool {
+        let touched = self.touches[v as usize];
+        touched != NONE && !self.is_one_of(touched, holes)
     }
 
     fn add(&mut self, f: u32, holes: [u32; 2], name: u32, front: &mut Front) {
