@@ -1393,6 +1393,8 @@ pub enum PartitionStrategy {
     Handles = 5,
     /// A cut by a plane through the handles, given in `plane` or found. What handles it leaves are opened along loops.
     Plane = 6,
+    /// Pants decomposition: parts of genus 0 with three loops, cut by short loops; divided further where size or aspect ratio ask for it.
+    Pants = 7,
 }
 impl PartitionStrategy {
     /// String value of the enum field names used in the ProtoBuf definition.
@@ -1408,6 +1410,7 @@ impl PartitionStrategy {
             Self::MaxCut => "PARTITION_STRATEGY_MAX_CUT",
             Self::Handles => "PARTITION_STRATEGY_HANDLES",
             Self::Plane => "PARTITION_STRATEGY_PLANE",
+            Self::Pants => "PARTITION_STRATEGY_PANTS",
         }
     }
     /// Creates an enum from field names used in the ProtoBuf definition.
@@ -1420,6 +1423,7 @@ impl PartitionStrategy {
             "PARTITION_STRATEGY_MAX_CUT" => Some(Self::MaxCut),
             "PARTITION_STRATEGY_HANDLES" => Some(Self::Handles),
             "PARTITION_STRATEGY_PLANE" => Some(Self::Plane),
+            "PARTITION_STRATEGY_PANTS" => Some(Self::Pants),
             _ => None,
         }
     }
@@ -3824,7 +3828,7 @@ pub struct SampleSpec {
     /// About how many triangles. Default 20000.
     #[prost(uint64, optional, tag = "2")]
     pub triangles: ::core::option::Option<u64>,
-    /// Handles (genus) of the pelvis or of the brake; other kinds refuse it. Default: the usual.
+    /// Handles (genus) of the pelvis, of the brake or of the lattice; other kinds refuse it. Default: the usual.
     #[prost(uint32, optional, tag = "3")]
     pub genus: ::core::option::Option<u32>,
     /// Outlets of the artery. Default 9.
@@ -4178,6 +4182,8 @@ pub enum SampleKind {
     CadPart = 4,
     /// A tube, open at both ends.
     Tube = 5,
+    /// A closed block of gyroid lattice, struts along a net of three-fold nodes, of high genus, marching cubes style.
+    Lattice = 6,
 }
 impl SampleKind {
     /// String value of the enum field names used in the ProtoBuf definition.
@@ -4192,6 +4198,7 @@ impl SampleKind {
             Self::Brake => "SAMPLE_KIND_BRAKE",
             Self::CadPart => "SAMPLE_KIND_CAD_PART",
             Self::Tube => "SAMPLE_KIND_TUBE",
+            Self::Lattice => "SAMPLE_KIND_LATTICE",
         }
     }
     /// Creates an enum from field names used in the ProtoBuf definition.
@@ -4203,6 +4210,7 @@ impl SampleKind {
             "SAMPLE_KIND_BRAKE" => Some(Self::Brake),
             "SAMPLE_KIND_CAD_PART" => Some(Self::CadPart),
             "SAMPLE_KIND_TUBE" => Some(Self::Tube),
+            "SAMPLE_KIND_LATTICE" => Some(Self::Lattice),
             _ => None,
         }
     }

@@ -23,7 +23,7 @@ mod surface;
 mod tests;
 mod two_way;
 
-pub use aspect::{OrientedBox, smallest_box};
+pub use aspect::{OrientedBox, box_aspect_ratio, smallest_box};
 pub use strategy::{BorderSmoothing, PartitionStrategy, Plane};
 pub use two_way::{TwoWayCut, Verdict, cut_in_two};
 

@@ -3,7 +3,7 @@
 use crate::error::{EngineError, Result};
 use crate::fingerprint::{Contents, Feeder, Fingerprint};
 use crate::mesh::SurfaceMesh;
-use crate::partition::Partition;
+use crate::partition::{Partition, box_aspect_ratio};
 use crate::topology::Topology;
 use crate::vector::{Vec3, distance};
 
@@ -25,6 +25,15 @@ pub struct PatchMap {
     pub vertices: Vec<u32>,
     /// Global face of each local face, increasing.
     pub faces: Vec<u32>,
+}
+
+impl Patch {
+    /// Lower bound of eta: longest side of the oriented box over that of the longest loop (P2 section 2). O(vertices).
+    pub fn box_aspect_ratio(&self) -> f64 {
+        let ring = self.loops.first().map_or(&[][..], |ring| ring);
+        let ring: Vec<Vec3> = ring.iter().map(|&v| self.positions[v as usize]).collect();
+        box_aspect_ratio(&self.positions, &ring)
+    }
 }
 
 impl PatchMap {

@@ -16,7 +16,7 @@ use crate::features::Features;
 use crate::import::{ImportOptions, Imported};
 use crate::optimize::Remeshed;
 use crate::parametrize::{Chart, ChartAttempt, ChartOutcome, ChartSpec, Distortion};
-use crate::partition::Partition;
+use crate::partition::{Partition, box_aspect_ratios};
 use crate::planar::LiftedPatch;
 use crate::quality::{QualityReport, QualityScope};
 use crate::session::{MeshSource, Snapshot};
@@ -24,6 +24,7 @@ use crate::sizing::{SizeField, SizeSpec};
 use crate::stage::{StageRecord, Stored};
 use crate::topology::Topology;
 use crate::vector::Vec2;
+use crate::work::Work;
 use context::Context;
 
 /// A result with what it took.
@@ -196,6 +197,20 @@ pub fn partition(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<
         let surface = graph::surface_step(context, snapshot)?;
         let features = graph::features_step(context, snapshot, &surface)?;
         graph::partition_step(context, snapshot, &surface, &features)
+    })
+}
+
+/// As [`partition`], with the aspect ratio of each patch by oriented boxes, which are computed for this answer alone.
+///
+/// # Errors
+/// Those of [`partition`].
+pub fn partition_and_boxes(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Answer<(Stored<Partition>, Vec<f64>)>> {
+    Context::execute(engine, run, |context| {
+        let surface = graph::surface_step(context, snapshot)?;
+        let features = graph::features_step(context, snapshot, &surface)?;
+        let partition = graph::partition_step(context, snapshot, &surface, &features)?;
+        let boxes = box_aspect_ratios(&surface.imported.mesh, &surface.topology, &partition, &Work::silent(run.cancel))?;
+        Ok((partition, boxes))
     })
 }
 

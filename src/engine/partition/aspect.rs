@@ -34,7 +34,12 @@ pub(super) fn by_boxes(mesh: &SurfaceMesh, topology: &Topology, label: &[u32], f
             longest = (length, ring);
         }
     }
+    box_aspect_ratio(&points, &longest.1)
+}
+
+/// H / D of a patch given all its vertices and those of its longest border loop; 0 if the loop has no extent. O(points).
+pub fn box_aspect_ratio(points: &[Vec3], longest_loop: &[Vec3]) -> f64 {
     let side = |points: &[Vec3]| smallest_box(points).map_or(0.0, |b| b.sides[0]);
-    let (height, width) = (side(&points), side(&longest.1));
+    let (height, width) = (side(points), side(longest_loop));
     if width > 0.0 { height / width } else { 0.0 }
 }

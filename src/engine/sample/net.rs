@@ -52,8 +52,7 @@ impl Net {
     fn block(cells: i32) -> Net {
         let mut index: BTreeMap<[i32; 3], usize> = BTreeMap::new();
         let corners = (0..cells).flat_map(|z| (0..cells).flat_map(move |y| (0..cells).map(move |x| [x, y, z])));
-        let nodes: Vec<[i32; 3]> =
-            corners.flat_map(|c| NODES.map(|n| std::array::from_fn(|k| 8 * c[k] + n[k]))).collect();
+        let nodes: Vec<[i32; 3]> = corners.flat_map(|c| NODES.map(|n| std::array::from_fn(|k| 8 * c[k] + n[k]))).collect();
         nodes.iter().enumerate().for_each(|(i, &n)| {
             index.insert(n, i);
         });

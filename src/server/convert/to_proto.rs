@@ -161,7 +161,7 @@ fn topology(numbers: &TopologyNumbers) -> v1::TopologyNumbers {
     }
 }
 
-pub(crate) fn patch_summary(number: usize, patch: &PatchSummary) -> v1::PatchSummary {
+pub(crate) fn patch_summary(number: usize, patch: &PatchSummary, box_aspect_ratio: f64) -> v1::PatchSummary {
     v1::PatchSummary {
         patch: number as u32,
         faces: patch.faces,
@@ -170,7 +170,7 @@ pub(crate) fn patch_summary(number: usize, patch: &PatchSummary) -> v1::PatchSum
         genus: patch.genus,
         border_length: patch.border_length,
         aspect_ratio: patch.aspect_ratio,
-        box_aspect_ratio: patch.box_aspect_ratio,
+        box_aspect_ratio,
     }
 }
 

@@ -35,14 +35,16 @@ pub(crate) fn weight_of_layout(shared: &Shared, run: &Run<'_>, target: &Target) 
 
 fn partition(shared: &Shared, run: &Run<'_>, target: &Target) -> EngineResult<v1::PartitionResult> {
     let begin = Instant::now();
-    let answer = pipeline::partition(&shared.engine, &target.snapshot, run)?;
-    let patches = answer.value.patches.iter().enumerate().map(|(number, patch)| to_proto::patch_summary(number, patch)).collect();
-    let (strategy, plane) = to_proto::strategy(answer.value.strategy);
+    let answer = pipeline::partition_and_boxes(&shared.engine, &target.snapshot, run)?;
+    let (partition, boxes) = answer.value;
+    let numbered = partition.patches.iter().zip(boxes).enumerate();
+    let patches = numbered.map(|(number, (patch, ratio))| to_proto::patch_summary(number, patch, ratio)).collect();
+    let (strategy, plane) = to_proto::strategy(partition.strategy);
     Ok(v1::PartitionResult {
         patches,
         summary: Some(to_proto::summary(&answer.records, begin.elapsed().as_secs_f64() * 1e3)),
         strategy: strategy.into(),
-        reason: answer.value.reason.clone(),
+        reason: partition.reason.clone(),
         plane,
     })
 }
@@ -64,7 +66,7 @@ fn read(
     let number = check_patch(&layout, request.patch)?;
     let (patch, _, map) = &layout.patches.patches[number];
     let header = v1::PatchDataHeader {
-        patch: layout.partition.patches.get(number).map(|patch| to_proto::patch_summary(number, patch)),
+        patch: layout.partition.patches.get(number).map(|summary| to_proto::patch_summary(number, summary, patch.box_aspect_ratio())),
         vertices: patch.positions.len() as u64,
         faces: patch.triangles.len() as u64,
         summary: Some(to_proto::summary(&answer.records, begin.elapsed().as_secs_f64() * 1e3)),
