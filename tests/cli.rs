@@ -220,6 +220,8 @@ fn a_session_of_a_daemon_step_by_step() {
     has(&["partition", session, "--json"], "\"box_aspect_ratio\":");
     has(&["set", session, "--partition-strategy", "laplace"], "revision");
     has(&["partition", session, "--json"], "\"strategy\":\"laplace\"");
+    has(&["set", session, "--partition-strategy", "pants"], "revision");
+    has(&["partition", session, "--json"], "\"strategy\":\"pants\"");
     assert_eq!(at(&["set", session, "--plane", "0,0,0,1,0,0"]).code, Some(1), "a plane is for the strategy plane");
     has(&["set", session, "--partition-strategy", "auto", "--borders", "vote"], "revision");
     has(&["chart", session], "spectral");

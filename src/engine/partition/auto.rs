@@ -18,18 +18,18 @@ pub(super) fn automatic(surface: &Surface<'_>, spec: &PartitionSpec, work: &Work
     let pieces = pieces(surface);
     let first = multilevel(surface, spec, work)?;
     if spec.patches.is_some() {
-        return Ok(chosen(first, PartitionStrategy::Multilevel, "multilevel: the number of patches is given".into()));
+        return Ok(chosen(first, PartitionStrategy::Multilevel, "the number of patches is given".into()));
     }
     let handles: i64 = pieces.iter().map(|p| p.genus().max(0)).sum();
     let long = pieces.iter().filter(|p| is_long(p, spec)).count();
     let (count, least) = (first.patches.len(), pieces.iter().map(|p| least_patches(p, spec)).sum::<usize>());
     if handles == 0 && long == 0 {
-        let reason = "multilevel: no piece of the surface between features has a handle or is long".into();
+        let reason = "no piece of the surface between features has a handle or is long".into();
         return Ok(chosen(first, PartitionStrategy::Multilevel, reason));
     }
     let most_gain = |least: usize| (count.saturating_sub(least)) as f64 / count as f64;
     if most_gain(least) <= LEAST_GAIN {
-        let reason = format!("multilevel: {count} patches, where none can do with fewer than {least} of the size allowed");
+        let reason = format!("{count} patches, where none can do with fewer than {least} of the size allowed");
         return Ok(chosen(first, PartitionStrategy::Multilevel, reason));
     }
     let mut contest = Contest { best: first, strategy: PartitionStrategy::Multilevel, told: vec![format!("multilevel {count}")] };
@@ -55,8 +55,7 @@ pub(super) fn automatic(surface: &Surface<'_>, spec: &PartitionSpec, work: &Work
         (1, _) => "1 handle".to_owned(),
         (n, _) => format!("{n} handles"),
     };
-    let name = name(contest.strategy);
-    let reason = format!("{name}: the fewest patches for {what} ({})", contest.told.join(", "));
+    let reason = format!("the fewest patches for {what} ({})", contest.told.join(", "));
     Ok(chosen(contest.best, contest.strategy, reason))
 }
 
@@ -88,15 +87,6 @@ impl Contest {
 
 fn chosen(partition: Partition, strategy: PartitionStrategy, reason: String) -> Partition {
     Partition { strategy, reason, ..partition }
-}
-
-fn name(strategy: PartitionStrategy) -> &'static str {
-    match strategy {
-        PartitionStrategy::Laplace => "laplace",
-        PartitionStrategy::Handles => "handles",
-        PartitionStrategy::Plane { .. } => "plane",
-        _ => "multilevel",
-    }
 }
 
 /// The pieces between features. O(F).

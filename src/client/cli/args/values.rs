@@ -60,7 +60,7 @@ pub(crate) enum ChartMethod {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum PartitionStrategy {
-    /// The engine chooses: today always multilevel
+    /// The engine chooses the fewest patches among the strategies that fit the shape
     Auto,
     /// Recursive cuts of the dual graph
     Multilevel,
