@@ -1381,7 +1381,7 @@ impl MesherKind {
 pub enum PartitionStrategy {
     /// PARTITION_STRATEGY_AUTO.
     Unspecified = 0,
-    /// The engine chooses: today always PARTITION_STRATEGY_MULTILEVEL; the answer says why.
+    /// The engine chooses the fewest patches among the strategies that fit the shape; the answer says what was compared.
     Auto = 1,
     /// Recursive cuts of the dual graph until every part has genus 0.
     Multilevel = 2,
