@@ -5521,6 +5521,50 @@ pub struct FacePair {
     #[prost(uint32, tag = "2")]
     pub second: u32,
 }
+/// Elements of a part of a mesh.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct PartQuality {
+    /// Triangles.
+    #[prost(uint64, tag = "1")]
+    pub triangles: u64,
+    /// Smallest kappa; 1 without triangles.
+    #[prost(double, tag = "2")]
+    pub kappa_min: f64,
+    /// Mean kappa; 0 without triangles.
+    #[prost(double, tag = "3")]
+    pub kappa_mean: f64,
+    /// Share of the triangles with kappa below 0.5.
+    #[prost(double, tag = "4")]
+    pub below_half: f64,
+    /// Share of the triangles with kappa below 0.8.
+    #[prost(double, tag = "5")]
+    pub below_four_fifths: f64,
+    /// Efficiency index in percent over the edges of the part. Not set if it has none.
+    #[prost(double, optional, tag = "6")]
+    pub tau: ::core::option::Option<f64>,
+}
+/// Quality at seams (borders between patches that are no feature) and away from them. A face is at a seam if it touches a vertex of an edge
+/// whose two faces come from different patches.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct SeamSplit {
+    /// Faces at a seam, with their edges.
+    #[prost(message, optional, tag = "1")]
+    pub seam: ::core::option::Option<PartQuality>,
+    /// All other faces and edges.
+    #[prost(message, optional, tag = "2")]
+    pub interior: ::core::option::Option<PartQuality>,
+}
+/// The same before and after the optimisation, which moves or removes the vertices of seams: afterwards the patch of a face is that of the
+/// face it descends from, so that seams are known within about one element.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct SeamQuality {
+    /// Of the patch meshes as joined.
+    #[prost(message, optional, tag = "1")]
+    pub before: ::core::option::Option<SeamSplit>,
+    /// Of the result.
+    #[prost(message, optional, tag = "2")]
+    pub after: ::core::option::Option<SeamSplit>,
+}
 /// The quality report.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct QualityReport {
@@ -5551,6 +5595,9 @@ pub struct QualityReport {
     /// The worst faces by kappa, worst first, at most 20.
     #[prost(uint32, repeated, tag = "9")]
     pub worst_faces: ::prost::alloc::vec::Vec<u32>,
+    /// Elements at seams apart from the others; only for results of a session or of RemeshMesh.
+    #[prost(message, optional, tag = "10")]
+    pub seams: ::core::option::Option<SeamQuality>,
 }
 /// Request of GetQuality.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]

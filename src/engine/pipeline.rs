@@ -10,6 +10,7 @@ mod patch_set;
 pub use context::{Event, Progress, Run};
 pub use patch_set::PatchSet;
 
+use crate::assemble::Assembled;
 use crate::engine::Engine;
 use crate::error::{EngineError, Reason, Result};
 use crate::features::Features;
@@ -148,6 +149,8 @@ pub struct Remesh {
     pub charts: Charts,
     /// Wanted sizes.
     pub sizes: Stored<SizeField>,
+    /// The mesh before the optimisation.
+    pub assembled: Stored<Assembled>,
     /// The finished mesh.
     pub result: Stored<Remeshed>,
 }

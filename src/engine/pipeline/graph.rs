@@ -22,12 +22,14 @@ use crate::parametrize::{
 use crate::partition::{Partition, partition_surface, split_patches};
 use crate::patch::{PatchMap, extract_patches};
 use crate::planar::{CurveUse, LiftedPatch, PlanarMesh, VertexOrigin, lift, mesh_chart};
+use crate::quality::seams::{Patched, SeamQuality, measure_seams};
 use crate::quality::{QualityReport, QualityScope, TargetSize, measure_quality};
 use crate::sample;
 use crate::session::{MeshSource, Snapshot};
 use crate::sizing::{SizeField, evaluate_size};
 use crate::stage::{Stage, StageKey, Stored, Subject};
 use crate::topology::Topology;
+use crate::vector::Vec3;
 use std::sync::Arc;
 
 /// Largest number of times patches without a usable chart are split.
@@ -404,7 +406,7 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
     let input = &charts.surface.imported.mesh;
     let result =
         context.stage(key, Subject::Surface, |work| optimize_surface(input, &tree.value.output, &assembled, &sizes, spec, work))?;
-    Ok(Remesh { charts, sizes, result })
+    Ok(Remesh { charts, sizes, assembled, result })
 }
 
 fn assembly_step(context: &Context<'_>, charts: &Charts, meshes: &Lifted) -> Step<Stored<Assembled>> {
@@ -452,22 +454,33 @@ pub(super) fn quality_step(context: &Context<'_>, remesh: &Remesh, scope: Qualit
     let surface = &remesh.charts.surface;
     let tree = search_tree_step(context, &surface.imported)?;
     let key = StageKey::new(Stage::Quality, |f| {
-        f.fingerprint(surface.imported.output).fingerprint(remesh.result.output).fingerprint(remesh.sizes.output).u64(scope as u64);
+        f.fingerprint(surface.imported.output).fingerprint(remesh.assembled.output).fingerprint(remesh.result.output);
+        f.fingerprint(remesh.sizes.output).u64(scope as u64);
     });
     context.stage(key, Subject::Surface, |work| {
-        let output = &remesh.result.mesh;
-        let target = match remesh.sizes.uniform {
-            Some(size) => TargetSize::Uniform(size),
-            None => TargetSize::PerVertex(sizes_on_output(surface, &tree.value.output, &remesh.sizes, output)?),
+        let (output, assembled) = (&remesh.result.mesh, &remesh.assembled);
+        let target = |positions: &[Vec3]| match remesh.sizes.uniform {
+            Some(size) => Ok(TargetSize::Uniform(size)),
+            None => sizes_at(surface, &tree.value.output, &remesh.sizes, positions).map(TargetSize::PerVertex),
         };
-        measure_quality(&surface.imported.mesh, &tree.value.output, output, Some(&target), scope, work)
+        let (size, size_before) = (target(&output.positions)?, target(&assembled.positions)?);
+        let before = Patched {
+            positions: &assembled.positions,
+            triangles: &assembled.triangles,
+            face_patch: &assembled.face_patch,
+            curve_edges: &assembled.curve_edges,
+        };
+        let after = Patched::of(output, &remesh.result.face_patch, &remesh.result.curve_edges);
+        let seams = SeamQuality { before: measure_seams(&before, &size_before), after: measure_seams(&after, &size) };
+        let report = measure_quality(&surface.imported.mesh, &tree.value.output, output, Some(&size), scope, work)?;
+        Ok(QualityReport { seams: Some(seams), ..report })
     })
 }
 
-/// The size field at the vertices of the output, linear on the input face below each.
-fn sizes_on_output(surface: &Surface, tree: &TriangleBvh, sizes: &SizeField, output: &SurfaceMesh) -> Result<Vec<f64>> {
+/// The size field at points near the input, linear on the input face below each.
+fn sizes_at(surface: &Surface, tree: &TriangleBvh, sizes: &SizeField, points: &[Vec3]) -> Result<Vec<f64>> {
     let input = &surface.imported.mesh;
-    let at = |point: &[f64; 3]| {
+    let at = |point: &Vec3| {
         let hit = tree.closest(*point).ok_or_else(|| EngineError::invariant("the search tree is empty"))?;
         let [a, b, c] = input.corners(hit.face as usize);
         let [i, j, k] = input.triangles[hit.face as usize].map(|v| sizes.vertex_size[v as usize]);
@@ -476,7 +489,7 @@ fn sizes_on_output(surface: &Surface, tree: &TriangleBvh, sizes: &SizeField, out
         let sum = wa + wb + wc;
         Ok(if sum > 0.0 { (wa * i + wb * j + wc * k) / sum } else { i })
     };
-    output.positions.iter().map(at).collect()
+    points.iter().map(at).collect()
 }
 
 pub(super) fn compare_step(
