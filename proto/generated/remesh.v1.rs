@@ -437,7 +437,8 @@ pub enum DataColumn {
     FeatureEdges = 6,
     /// Chart coordinates of each local vertex of a patch: 2 f64 each.
     Uv = 7,
-    /// Vertex of the imported mesh for each local vertex of a patch: u32.
+    /// Vertex of the imported mesh for each local vertex of a patch: u32. For a vertex that a straight border has made inside an edge (see
+    /// PARTITION_BORDERS_GEODESIC) the nearer end of the edge.
     SourceVertex = 8,
     /// Face of the imported mesh for each local face of a patch: u32.
     SourceFace = 9,
@@ -1435,6 +1436,10 @@ pub enum PartitionBorders {
     Vote = 1,
     /// Then every border is laid anew along the shortest edge path within a band around it.
     Shortest = 2,
+    /// Then every border is shortened over the surface to a geodesic nearby, between the same ends, and input triangles are split along it.
+    /// Patches are cut out of that split surface: their numbers (faces, area, border length) are its own. Wherever elements are named,
+    /// they are those of the imported mesh: a face by the face it is part of, a vertex inside an edge by the nearer end.
+    Geodesic = 3,
 }
 impl PartitionBorders {
     /// String value of the enum field names used in the ProtoBuf definition.
@@ -1446,6 +1451,7 @@ impl PartitionBorders {
             Self::Unspecified => "PARTITION_BORDERS_UNSPECIFIED",
             Self::Vote => "PARTITION_BORDERS_VOTE",
             Self::Shortest => "PARTITION_BORDERS_SHORTEST",
+            Self::Geodesic => "PARTITION_BORDERS_GEODESIC",
         }
     }
     /// Creates an enum from field names used in the ProtoBuf definition.
@@ -1454,6 +1460,7 @@ impl PartitionBorders {
             "PARTITION_BORDERS_UNSPECIFIED" => Some(Self::Unspecified),
             "PARTITION_BORDERS_VOTE" => Some(Self::Vote),
             "PARTITION_BORDERS_SHORTEST" => Some(Self::Shortest),
+            "PARTITION_BORDERS_GEODESIC" => Some(Self::Geodesic),
             _ => None,
         }
     }

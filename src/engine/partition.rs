@@ -32,7 +32,7 @@ use crate::topology::Topology;
 use crate::work::Work;
 use divide::Divider;
 use merge::Goal;
-use surface::{Limits, Surface, measure};
+use surface::{Limits, Scratch, Surface, measure};
 
 /// How to partition.
 #[derive(Debug, Clone, PartialEq)]
@@ -147,7 +147,7 @@ fn complete(surface: &Surface<'_>, sets: Vec<Vec<u32>>, limits: Limits, spec: &P
         merge::merge_patches(surface, &mut label, &goal, &mut scratch, work)?;
     }
     smooth::smooth_borders(surface, &mut label, limits, work)?;
-    if spec.borders == BorderSmoothing::Shortest {
+    if spec.borders != BorderSmoothing::Vote {
         straighten::straighten_borders(surface, &mut label, limits, work)?;
     }
     finish(surface, label, limits, work)
@@ -268,6 +268,18 @@ fn finish(surface: &Surface<'_>, mut label: Vec<u32>, limits: Limits, work: &Wor
         patches.push(PatchSummary { box_aspect_ratio, ..piece.summary() });
     }
     Ok(Partition { face_patch: label, patches, ..Partition::default() })
+}
+
+/// Measures the patches of given labels, one after another; nothing is checked. O(F).
+pub fn summarize_patches(mesh: &SurfaceMesh, topology: &Topology, features: &Features, face_patch: &[u32]) -> Vec<PatchSummary> {
+    let surface = Surface::new(mesh, topology, features);
+    let mut scratch = Scratch::new(topology);
+    let summary = |(p, faces): (usize, &Vec<u32>)| {
+        let piece = measure(&surface, face_patch, faces, p as u32, &mut scratch);
+        let box_aspect_ratio = aspect::by_boxes(&surface, face_patch, faces, &piece, &mut scratch);
+        PatchSummary { box_aspect_ratio, ..piece.summary() }
+    };
+    faces_by_patch(face_patch).iter().enumerate().map(summary).collect()
 }
 
 /// Splits the listed patches in two (those whose chart failed) and leaves all others' face sets as they are. A patch listed

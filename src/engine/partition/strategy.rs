@@ -50,6 +50,9 @@ pub enum BorderSmoothing {
     Vote,
     /// Then every border is laid anew along the shortest edge path within a band around it.
     Shortest,
+    /// Then every border is shortened over the surface to a geodesic nearby, and input triangles are split along it; that is done by
+    /// [`crate::cut`], the partition itself has the shortest edge paths.
+    Geodesic,
 }
 
 /// Partitions by the strategy of `spec`.

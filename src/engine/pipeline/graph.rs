@@ -8,6 +8,7 @@ use super::patch_set::PatchSet;
 use super::{Charts, Layout, Remesh, Surface};
 use crate::assemble::{Assembled, assemble};
 use crate::bvh::TriangleBvh;
+use crate::cut::{CutSurface, cut_along_borders};
 use crate::curve::{CurveMesh, CurvePolyline, PatchCurve, curve_polyline, mesh_curve, patch_curves, trace_curves};
 use crate::error::{EngineError, Reason, Result};
 use crate::features::{Features, detect_features};
@@ -19,8 +20,8 @@ use crate::parametrize::{
     BoundaryFactor, ChartFactor, ChartOutcome, ChartSpec, ChartSystem, MapSpec, ProblemSpec, SolvedMap, Weights, candidate_maps, conclude,
     factor_boundary, factor_system, next_map, plan_system, solve_map, unsolved_map,
 };
-use crate::partition::{Partition, partition_surface, split_patches};
-use crate::patch::{PatchMap, extract_patches};
+use crate::partition::{BorderSmoothing, Partition, partition_surface, split_patches};
+use crate::patch::{PatchMap, extract_patches, patch_identities};
 use crate::planar::{CurveUse, LiftedPatch, PlanarMesh, VertexOrigin, lift, mesh_chart};
 use crate::quality::seams::{Patched, SeamQuality, measure_seams};
 use crate::quality::{QualityReport, QualityScope, TargetSize, measure_quality};
@@ -88,21 +89,55 @@ pub(super) fn partition_step(
     context.stage(key, Subject::Surface, |work| partition_surface(&surface.imported.mesh, &surface.topology, features, spec, work))
 }
 
+/// The surface split along straight borders, if the snapshot asks for them.
+pub(super) fn cut_step(
+    context: &Context<'_>,
+    snapshot: &Snapshot,
+    surface: &Surface,
+    features: &Stored<Features>,
+    partition: &Stored<Partition>,
+) -> Step<Option<Stored<CutSurface>>> {
+    if snapshot.partition.borders != BorderSmoothing::Geodesic {
+        return Ok(None);
+    }
+    let most = snapshot.partition.max_aspect_ratio;
+    let key = StageKey::new(Stage::Cut, |f| {
+        f.fingerprint(surface.imported.output).fingerprint(features.output).fingerprint(partition.output).f64(most);
+    });
+    let mesh = &surface.imported.mesh;
+    let cut = context.stage(key, Subject::Surface, |work| cut_along_borders(mesh, &surface.topology, features, partition, most, work))?;
+    Ok(Some(cut))
+}
+
 fn patches_step(
     context: &Context<'_>,
     surface: &Surface,
     features: &Stored<Features>,
     partition: &Stored<Partition>,
+    cut: Option<&Stored<CutSurface>>,
 ) -> Step<Stored<PatchSet>> {
     let key = StageKey::new(Stage::Patches, |f| {
         f.fingerprint(surface.imported.output).fingerprint(features.output).fingerprint(partition.output);
+        cut.into_iter().for_each(|cut| {
+            f.fingerprint(cut.output);
+        });
     });
     context.stage(key, Subject::Surface, |_| {
-        let network = trace_curves(&surface.topology, features, partition);
-        let cut = extract_patches(&surface.imported.mesh, &surface.topology, partition)?;
-        let uses = patch_curves(&surface.topology, &network, partition, &cut);
-        let identities = cut.iter().map(|(patch, map)| map.identity(patch)).collect();
-        let patches = cut.into_iter().map(|(patch, map)| {
+        let identities = patch_identities(&surface.imported.mesh, partition);
+        let (mesh, topology, features, partition): (_, _, &Features, &Partition) = match cut {
+            Some(cut) => (&cut.mesh, &cut.topology, &cut.features, &cut.partition),
+            None => (&surface.imported.mesh, &*surface.topology, features, partition),
+        };
+        let network = trace_curves(topology, features, partition);
+        let mut parts = extract_patches(mesh, topology, partition)?;
+        let uses = patch_curves(topology, &network, partition, &parts);
+        if let Some(cut) = cut {
+            for (_, map) in &mut parts {
+                map.faces.iter_mut().for_each(|f| *f = cut.face_origin[*f as usize]);
+                map.named.iter_mut().for_each(|v| *v = cut.vertex_before(*v));
+            }
+        }
+        let patches = parts.into_iter().map(|(patch, map)| {
             let fingerprint = patch.fingerprint();
             (Arc::new(patch), fingerprint, Arc::new(map))
         });
@@ -118,9 +153,9 @@ fn largest_first(patches: &PatchSet, listed: impl Iterator<Item = usize>) -> Vec
 }
 
 pub(super) fn charts_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Charts> {
-    let Layout { surface, features, partition, patches, charts, resplit } = layout_step(context, snapshot)?;
+    let Layout { surface, features, partition, cut, patches, charts, resplit } = layout_step(context, snapshot)?;
     let charts = charts.into_iter().collect::<Result<Vec<_>>>()?;
-    Ok(Charts { surface, features, partition, patches, charts, resplit })
+    Ok(Charts { surface, features, partition, cut, patches, charts, resplit })
 }
 
 /// The partition all of whose patches have a chart or a specification that gives none. A patch with a specification of its own is never
@@ -131,7 +166,8 @@ pub(super) fn layout_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<La
     let mut partition = partition_step(context, snapshot, &surface, &features)?;
     let mut resplit = 0;
     for _ in 0..=MAX_RESPLITS {
-        let patches = patches_step(context, &surface, &features, &partition)?;
+        let cut = cut_step(context, snapshot, &surface, &features, &partition)?;
+        let patches = patches_step(context, &surface, &features, &partition, cut.as_ref())?;
         let order = largest_first(&patches, 0..patches.patches.len());
         let charts = context.each(&order, |p| spec_and_chart_step(context, snapshot, &surface, &patches, p))?;
         let failing: Vec<u32> = (0..charts.len())
@@ -139,7 +175,7 @@ pub(super) fn layout_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<La
             .map(|p| p as u32)
             .collect();
         if failing.is_empty() {
-            return Ok(Layout { surface, features, partition, patches, charts, resplit });
+            return Ok(Layout { surface, features, partition, cut, patches, charts, resplit });
         }
         resplit += failing.len() as u32;
         let key = StageKey::new(Stage::Partition, |f| {
@@ -323,13 +359,16 @@ pub(super) fn lifted_step(context: &Context<'_>, snapshot: &Snapshot, charts: &C
     let mut wanted: Vec<usize> = listed.iter().flat_map(|&p| patches.uses[p as usize].iter().map(|u| u.curve as usize)).collect();
     wanted.sort_unstable();
     wanted.dedup();
-    let meshed = context.each(&wanted, |c| curve_step(context, charts, sizes, c))?;
+    // Sizes at the vertices of the surface that the patches are cut out of.
+    let split_sizes = charts.cut.as_ref().map(|cut| cut.at_vertices(&sizes.vertex_size));
+    let vertex_size = split_sizes.as_deref().unwrap_or(&sizes.vertex_size);
+    let meshed = context.each(&wanted, |c| curve_step(context, charts, vertex_size, c))?;
     let mut curves = vec![None; patches.network.curves.len()];
     for (c, mesh) in wanted.into_iter().zip(meshed) {
         curves[c] = Some(mesh);
     }
     let order = largest_first(patches, listed.iter().map(|&p| p as usize));
-    let by_patch = context.each(&order, |p| lift_step(context, snapshot, charts, sizes, &curves, p))?;
+    let by_patch = context.each(&order, |p| lift_step(context, snapshot, charts, vertex_size, &curves, p))?;
     // `each` gives results by increasing patch; hand them out in the order asked for.
     let mut sorted: Vec<u32> = listed.to_vec();
     sorted.sort_unstable();
@@ -337,10 +376,10 @@ pub(super) fn lifted_step(context: &Context<'_>, snapshot: &Snapshot, charts: &C
     Ok(Lifted { curves, lifted })
 }
 
-fn curve_step(context: &Context<'_>, charts: &Charts, sizes: &SizeField, c: usize) -> Step<Stored<CurveMesh>> {
-    let surface = &charts.surface;
+fn curve_step(context: &Context<'_>, charts: &Charts, vertex_size: &[f64], c: usize) -> Step<Stored<CurveMesh>> {
+    let (mesh, topology) = charts.ground();
     let curve = &charts.patches.network.curves[c];
-    let polyline: CurvePolyline = curve_polyline(&surface.imported.mesh, &surface.topology, curve, &sizes.vertex_size);
+    let polyline: CurvePolyline = curve_polyline(mesh, topology, curve, vertex_size);
     let key = StageKey::new(Stage::Curve, |f| polyline.feed(f));
     context.stage(key, Subject::Curve(c as u32), |work| mesh_curve(&polyline, work))
 }
@@ -349,14 +388,14 @@ fn lift_step(
     context: &Context<'_>,
     snapshot: &Snapshot,
     charts: &Charts,
-    sizes: &SizeField,
+    vertex_size: &[f64],
     curves: &[Option<Stored<CurveMesh>>],
     p: usize,
 ) -> Step<Stored<LiftedPatch>> {
     let (patch, fingerprint, map) = &charts.patches.patches[p];
     let subject = Subject::Patch(p as u32);
     let chart = charts.chart(p).ok_or_else(|| EngineError::invariant(format!("patch {p} has no chart")))?;
-    let local_size: Vec<f64> = map.vertices.iter().map(|&v| sizes.vertex_size[v as usize]).collect();
+    let local_size: Vec<f64> = map.vertices.iter().map(|&v| vertex_size[v as usize]).collect();
     let uses = &charts.patches.uses[p];
     let mut meshes = Vec::with_capacity(uses.len());
     for used in uses {
@@ -422,8 +461,8 @@ fn assembly_step(context: &Context<'_>, charts: &Charts, meshes: &Lifted) -> Ste
         let numbered: Vec<(Arc<LiftedPatch>, &PatchMap)> = (0..meshes.lifted.len())
             .map(|p| (Arc::new(with_network_numbers(&meshes.lifted[p], &charts.patches.uses[p])), &*charts.patches.patches[p].2))
             .collect();
-        let surface = &charts.surface;
-        assemble(&surface.imported.mesh, &surface.topology, &charts.features.corners, &charts.patches.network, &curve_meshes, &numbered)
+        let topology = charts.ground().1;
+        assemble(&charts.surface.imported.mesh, topology, &charts.features.corners, &charts.patches.network, &curve_meshes, &numbered)
     })
 }
 

@@ -263,6 +263,7 @@ pub(super) fn partition(spec: &PartitionSpec) -> v1::PartitionSpec {
     let borders = match spec.borders {
         BorderSmoothing::Vote => v1::PartitionBorders::Vote,
         BorderSmoothing::Shortest => v1::PartitionBorders::Shortest,
+        BorderSmoothing::Geodesic => v1::PartitionBorders::Geodesic,
     };
     let (strategy, plane) = strategy(spec.strategy);
     v1::PartitionSpec {
