@@ -116,6 +116,7 @@ pub fn cut_along_borders(
         network.shorten(&frozen, work)?;
         let cut = apply(mesh, topology, features, partition, &network.borders)?;
         work.step(attempt + 1, ATTEMPTS + 2)?;
+        if std::env::var_os("CUT_DEBUG").is_some() { eprintln!("attempt {attempt} ok {} length {before} -> {}", cut.is_some(), network.total_length()); }
         let Some(cut) = cut else {
             frozen_patch.fill(true);
             continue;
@@ -126,6 +127,7 @@ pub fn cut_along_borders(
         if bad.is_empty() {
             return Ok(CutSurface { border_length: [before, network.total_length()], ..cut });
         }
+        if std::env::var_os("CUT_DEBUG").is_some() { for &p in &bad { eprintln!("attempt {attempt} bad {p}: {:?} -> {:?}", partition.patches[p], cut.partition.patches[p]); } }
         bad.iter().for_each(|&p| frozen_patch[p] = true);
     }
     Err(EngineError::invariant("borders cannot be left as they are"))
@@ -159,7 +161,11 @@ fn apply(
     let features = Features { is_feature, corners: features.corners.clone() };
     let sides: Vec<[u32; 2]> = borders.iter().map(|border| sides(topology, partition, border)).collect();
     let Some(face_patch) = labels(&new, &features, partition, &split, &sides) else { return Ok(None) };
-    let patches = summarize_patches(&split.mesh, &new, &features, &face_patch);
+    let mut patches = summarize_patches(&split.mesh, &new, &features, &face_patch);
+    for (after, before) in patches.iter_mut().zip(&partition.patches) {
+        // A bound that nothing is decided by, and dear: borders move too little to change it much.
+        after.box_aspect_ratio = before.box_aspect_ratio;
+    }
     let partition = Partition { face_patch, patches, strategy: partition.strategy, reason: partition.reason.clone() };
     let Split { mesh, new_vertices, face_origin, .. } = split;
     Ok(Some(CutSurface { mesh, topology: new, features, partition, new_vertices, face_origin, border_length: [0.0; 2] }))

@@ -270,15 +270,11 @@ fn finish(surface: &Surface<'_>, mut label: Vec<u32>, limits: Limits, work: &Wor
     Ok(Partition { face_patch: label, patches, ..Partition::default() })
 }
 
-/// Measures the patches of given labels, one after another; nothing is checked. O(F).
+/// Measures the patches of given labels, one after another; nothing is checked. Their aspect ratios of boxes are left 0. O(F).
 pub fn summarize_patches(mesh: &SurfaceMesh, topology: &Topology, features: &Features, face_patch: &[u32]) -> Vec<PatchSummary> {
     let surface = Surface::new(mesh, topology, features);
     let mut scratch = Scratch::new(topology);
-    let summary = |(p, faces): (usize, &Vec<u32>)| {
-        let piece = measure(&surface, face_patch, faces, p as u32, &mut scratch);
-        let box_aspect_ratio = aspect::by_boxes(&surface, face_patch, faces, &piece, &mut scratch);
-        PatchSummary { box_aspect_ratio, ..piece.summary() }
-    };
+    let summary = |(p, faces): (usize, &Vec<u32>)| measure(&surface, face_patch, faces, p as u32, &mut scratch).summary();
     faces_by_patch(face_patch).iter().enumerate().map(summary).collect()
 }
 

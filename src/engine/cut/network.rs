@@ -13,8 +13,8 @@ use crate::work::Work;
 const PASSES: usize = 48;
 /// A closed border is free everywhere only after its anchor has moved on this many times.
 const ANCHORS: u32 = 5;
-/// A border that has shrunk to this share of its length stays: it would slip off or close in on a bump.
-const LEAST_LENGTH: f64 = 0.6;
+/// A border that ends where it starts and has shrunk to this share of its length stays: it would slip off or close in on a bump.
+const LEAST_LENGTH: f64 = 0.4;
 /// A crossing nearer to a vertex than this share of the edge goes through the vertex.
 const SNAP: f64 = 0.12;
 /// Nobody's.
@@ -197,7 +197,7 @@ impl<'a> Network<'a> {
             return;
         }
         let before = self.length(&border.path);
-        if before < LEAST_LENGTH * border.start_length {
+        if border.path.first() == border.path.last() && before < LEAST_LENGTH * border.start_length {
             self.borders[b as usize].still = ANCHORS;
             return;
         }
