@@ -49,7 +49,7 @@ pub struct GeometryLocations {
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct StageRecord {
     /// The stage: `import`, `topology`, `search_tree`, `features`, `partition`, `patches`, `factor`, `chart`, `size`, `curve`,
-    /// `planar`, `lift`, `assembly`, `optimize`, `quality`. More may come.
+    /// `planar`, `lift`, `interior`, `assembly`, `optimize`, `quality`. More may come.
     #[prost(string, tag = "1")]
     pub stage: ::prost::alloc::string::String,
     /// What it worked on: empty for the whole surface, else for example `patch 3` or `curve 17`.
@@ -1040,7 +1040,7 @@ pub struct PartitionSpec {
     /// principal axes and to the coordinate axes are tried, and parts may be merged across the one taken.
     #[prost(message, optional, tag = "5")]
     pub plane: ::core::option::Option<CutPlane>,
-    /// What is done to borders. Default VOTE.
+    /// What is done to borders. Default GEODESIC.
     #[prost(enumeration = "PartitionBorders", tag = "6")]
     pub borders: i32,
 }
@@ -1429,7 +1429,7 @@ impl PartitionStrategy {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
 #[repr(i32)]
 pub enum PartitionBorders {
-    /// PARTITION_BORDERS_VOTE.
+    /// PARTITION_BORDERS_GEODESIC.
     Unspecified = 0,
     /// Faces change patches one at a time where that straightens a border. The two-way cuts do not need it: those of LAPLACE are laid
     /// along shortest paths in any case, those of MAX_CUT are left as they are.
@@ -1437,8 +1437,9 @@ pub enum PartitionBorders {
     /// Then every border is laid anew along the shortest edge path within a band around it.
     Shortest = 2,
     /// Then every border is shortened over the surface to a geodesic nearby, between the same ends, and input triangles are split along it.
-    /// Patches are cut out of that split surface: their numbers (faces, area, border length) are its own. Wherever elements are named,
-    /// they are those of the imported mesh: a face by the face it is part of, a vertex inside an edge by the nearer end.
+    /// Patches are cut out of that split surface: their numbers (faces, area, border length) are its own, but for the aspect ratio of boxes.
+    /// Wherever elements are named, they are those of the imported mesh: a face by the face it is part of, a vertex inside an edge by the
+    /// nearer end.
     Geodesic = 3,
 }
 impl PartitionBorders {
@@ -5565,7 +5566,7 @@ pub struct SeamSplit {
 /// face it descends from, so that seams are known within about one element.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
 pub struct SeamQuality {
-    /// Of the patch meshes as joined.
+    /// Of the patch meshes as joined, each optimised inside already.
     #[prost(message, optional, tag = "1")]
     pub before: ::core::option::Option<SeamSplit>,
     /// Of the result.

@@ -79,13 +79,17 @@ impl Contents for CutSurface {
     }
 
     fn bytes(&self) -> usize {
-        self.mesh.bytes() + self.topology.bytes() + self.features.bytes() + self.partition.bytes() + self.face_origin.len() * 4
+        self.mesh.bytes()
+            + self.topology.bytes()
+            + self.features.bytes()
+            + self.partition.bytes()
+            + self.face_origin.len() * 4
             + self.new_vertices.len() * 16
     }
 }
 
 /// Times that borders of patches that come out badly are taken back.
-const ATTEMPTS: usize = 3;
+const ATTEMPTS: usize = 8;
 /// No patch keeps less than this share of its area.
 const LEAST_AREA: f64 = 0.6;
 
@@ -116,7 +120,9 @@ pub fn cut_along_borders(
         network.shorten(&frozen, work)?;
         let cut = apply(mesh, topology, features, partition, &network.borders)?;
         work.step(attempt + 1, ATTEMPTS + 2)?;
-        if std::env::var_os("CUT_DEBUG").is_some() { eprintln!("attempt {attempt} ok {} length {before} -> {}", cut.is_some(), network.total_length()); }
+        if std::env::var_os("CUT_DEBUG").is_some() {
+            eprintln!("attempt {attempt} ok {} length {before} -> {}", cut.is_some(), network.total_length());
+        }
         let Some(cut) = cut else {
             frozen_patch.fill(true);
             continue;
@@ -127,7 +133,11 @@ pub fn cut_along_borders(
         if bad.is_empty() {
             return Ok(CutSurface { border_length: [before, network.total_length()], ..cut });
         }
-        if std::env::var_os("CUT_DEBUG").is_some() { for &p in &bad { eprintln!("attempt {attempt} bad {p}: {:?} -> {:?}", partition.patches[p], cut.partition.patches[p]); } }
+        if std::env::var_os("CUT_DEBUG").is_some() {
+            for &p in &bad {
+                eprintln!("attempt {attempt} bad {p}: {:?} -> {:?}", partition.patches[p], cut.partition.patches[p]);
+            }
+        }
         bad.iter().for_each(|&p| frozen_patch[p] = true);
     }
     Err(EngineError::invariant("borders cannot be left as they are"))

@@ -11,6 +11,7 @@ pub use context::{Event, Progress, Run};
 pub use patch_set::PatchSet;
 
 use crate::assemble::Assembled;
+use crate::cut::CutSurface;
 use crate::engine::Engine;
 use crate::error::{EngineError, Reason, Result};
 use crate::features::Features;
@@ -18,7 +19,6 @@ use crate::import::{ImportOptions, Imported};
 use crate::mesh::SurfaceMesh;
 use crate::optimize::Remeshed;
 use crate::parametrize::{Chart, ChartAttempt, ChartOutcome, ChartSpec, Distortion};
-use crate::cut::CutSurface;
 use crate::partition::{Partition, PatchSummary};
 use crate::planar::LiftedPatch;
 use crate::quality::{QualityReport, QualityScope};
@@ -295,7 +295,7 @@ pub fn preview_chart(
 /// # Errors
 /// [`Reason::NoMesh`], a refusal that is already known.
 pub fn plan_charts(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Vec<StageRecord>> {
-    Context::plan(engine, run, |context| graph::charts_step(context, snapshot).map(|_| ()))
+    Context::plan(engine, run, |context| graph::layout_step(context, snapshot).map(|_| ()))
 }
 
 /// What a preview of a chart would find in the cache and what it would run. Computes nothing.

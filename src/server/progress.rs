@@ -15,15 +15,23 @@ const INTERVAL: Duration = Duration::from_millis(100);
 fn share(stage: Stage) -> f64 {
     match stage {
         Stage::Import => 5.0,
-        Stage::Topology | Stage::SearchTree | Stage::Features | Stage::Cut | Stage::Patches | Stage::Size | Stage::Curve | Stage::System => 1.0,
+        Stage::Topology
+        | Stage::SearchTree
+        | Stage::Features
+        | Stage::Cut
+        | Stage::Patches
+        | Stage::Size
+        | Stage::Curve
+        | Stage::System => 1.0,
         Stage::Partition => 10.0,
         Stage::Factor => 6.0,
         Stage::Boundary | Stage::Solve => 4.0,
         Stage::Chart => 3.0,
-        Stage::Planar => 30.0,
+        Stage::Planar => 25.0,
+        Stage::Interior => 15.0,
         Stage::Lift => 2.0,
         Stage::Assembly => 2.0,
-        Stage::Optimize => 20.0,
+        Stage::Optimize => 10.0,
         Stage::Quality => 5.0,
     }
 }

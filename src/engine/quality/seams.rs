@@ -37,7 +37,7 @@ pub struct SeamSplit {
 /// splits and collapses pass it on: seams stay chains of edges, within about an element of the interface curve on the input.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct SeamQuality {
-    /// Of the assembled mesh.
+    /// Of the assembled mesh; the inside of each patch has been optimised on the patch alone by then.
     pub before: SeamSplit,
     /// Of the finished mesh.
     pub after: SeamSplit,
