@@ -11,7 +11,7 @@ mod tests;
 pub use split::EdgePoint;
 
 use crate::curve::trace_curves;
-use crate::error::{EngineError, Result};
+use crate::error::Result;
 use crate::features::Features;
 use crate::fingerprint::{Contents, Feeder};
 use crate::mesh::SurfaceMesh;
@@ -88,17 +88,19 @@ impl Contents for CutSurface {
     }
 }
 
-/// Times that borders of patches that come out badly are taken back.
+/// Passes over the borders of a patch: fewer each time that it comes out badly.
+const PASSES: [u32; 4] = [48, 12, 4, 0];
+/// Times that patches which come out badly are tried again; then all borders stay.
 const ATTEMPTS: usize = 8;
 /// No patch keeps less than this share of its area.
 const LEAST_AREA: f64 = 0.6;
 
 /// Shortens every border between patches that is no feature to a geodesic nearby and splits the faces it crosses. Junctions, ends on
 /// features and on the boundary stay. Borders of a patch that would lose its topology, much of its area, or come to exceed
-/// `max_aspect_ratio` stay as they are. Deterministic. O(F log F), and for the borders O(passes x faces crossed).
+/// `max_aspect_ratio` move less or stay as they are. Deterministic. O(F log F), and for the borders O(passes x faces crossed).
 ///
 /// # Errors
-/// Cancellation; broken invariants of the partition.
+/// Cancellation; broken invariants.
 pub fn cut_along_borders(
     mesh: &SurfaceMesh,
     topology: &Topology,
@@ -108,39 +110,33 @@ pub fn cut_along_borders(
     work: &Work<'_>,
 ) -> Result<CutSurface> {
     let curves = trace_curves(topology, features, partition);
-    let mut frozen_patch = vec![false; partition.patches.len()];
+    let mut level = vec![0; partition.patches.len()];
     for attempt in 0..=ATTEMPTS {
         if attempt == ATTEMPTS {
-            frozen_patch.fill(true);
+            level.fill(PASSES.len() - 1);
         }
         let mut network = Network::new(mesh, topology, &curves);
-        let frozen: Vec<bool> =
-            network.borders.iter().map(|border| sides(topology, partition, border).iter().any(|&p| frozen_patch[p as usize])).collect();
+        let of_sides = |border: &Border| sides(topology, partition, border).map(|p| PASSES[level[p as usize]]);
+        let passes: Vec<u32> = network.borders.iter().map(|border| of_sides(border).into_iter().min().unwrap_or(0)).collect();
         let before = network.total_length();
-        network.shorten(&frozen, work)?;
+        network.shorten(&passes, work)?;
         let cut = apply(mesh, topology, features, partition, &network.borders)?;
         work.step(attempt + 1, ATTEMPTS + 2)?;
-        if std::env::var_os("CUT_DEBUG").is_some() {
-            eprintln!("attempt {attempt} ok {} length {before} -> {}", cut.is_some(), network.total_length());
-        }
         let Some(cut) = cut else {
-            frozen_patch.fill(true);
+            level.fill(PASSES.len() - 1);
             continue;
         };
-        let bad: Vec<usize> = (0..cut.partition.patches.len())
-            .filter(|&p| !frozen_patch[p] && spoilt(&partition.patches[p], &cut.partition.patches[p], max_aspect_ratio))
+        let bad: Vec<usize> = (0..level.len())
+            .filter(|&p| level[p] + 1 < PASSES.len() && spoilt(&partition.patches[p], &cut.partition.patches[p], max_aspect_ratio))
             .collect();
         if bad.is_empty() {
             return Ok(CutSurface { border_length: [before, network.total_length()], ..cut });
         }
-        if std::env::var_os("CUT_DEBUG").is_some() {
-            for &p in &bad {
-                eprintln!("attempt {attempt} bad {p}: {:?} -> {:?}", partition.patches[p], cut.partition.patches[p]);
-            }
-        }
-        bad.iter().for_each(|&p| frozen_patch[p] = true);
+        bad.iter().for_each(|&p| level[p] += 1);
     }
-    Err(EngineError::invariant("borders cannot be left as they are"))
+    let (mesh, topology, features, partition) = (mesh.clone(), topology.clone(), features.clone(), partition.clone());
+    let face_origin = (0..mesh.triangles.len() as u32).collect();
+    Ok(CutSurface { mesh, topology, features, partition, new_vertices: Vec::new(), face_origin, border_length: [0.0; 2] })
 }
 
 fn sides(topology: &Topology, partition: &Partition, border: &Border) -> [u32; 2] {

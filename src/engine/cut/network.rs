@@ -9,8 +9,6 @@ use crate::mesh::SurfaceMesh;
 use crate::topology::Topology;
 use crate::work::Work;
 
-/// Times that a border is gone through at most; each moves it past one row of vertices at most, so this is the width of its band.
-const PASSES: usize = 48;
 /// A closed border is free everywhere only after its anchor has moved on this many times.
 const ANCHORS: u32 = 5;
 /// A border that ends where it starts and has shrunk to this share of its length stays: it would slip off or close in on a bump.
@@ -166,11 +164,12 @@ impl<'a> Network<'a> {
             && inner.iter().all(|n| !matches!(n, Node::Vertex(v) if self.vertex[*v as usize] != NOBODY))
     }
 
-    /// Shortens all borders but those that are `frozen`. Deterministic. O(passes x nodes of the paths).
-    pub(super) fn shorten(&mut self, frozen: &[bool], work: &Work<'_>) -> Result<()> {
-        for _ in 0..PASSES {
+    /// Shortens every border in at most so many passes; none leaves it as it is. Each pass moves a border past one row of vertices at most, so
+    /// that is the width of its band. Deterministic. O(passes x nodes of the paths).
+    pub(super) fn shorten(&mut self, passes: &[u32], work: &Work<'_>) -> Result<()> {
+        for pass in 0..passes.iter().copied().max().unwrap_or(0) {
             let mut active = false;
-            for (b, _) in frozen.iter().enumerate().filter(|(_, frozen)| !**frozen) {
+            for (b, _) in passes.iter().enumerate().filter(|(_, most)| pass < **most) {
                 work.check()?;
                 let limit = if self.borders[b].closed { ANCHORS } else { 1 };
                 if self.borders[b].still < limit {
@@ -182,7 +181,7 @@ impl<'a> Network<'a> {
                 break;
             }
         }
-        for (b, _) in frozen.iter().enumerate().filter(|(_, frozen)| !**frozen) {
+        for (b, _) in passes.iter().enumerate().filter(|(_, most)| **most > 0) {
             work.check()?;
             self.snap(b as u32);
         }
