@@ -165,7 +165,7 @@ fn complete(surface: &Surface<'_>, sets: Vec<Vec<u32>>, limits: Limits, spec: &P
         merge::merge_patches(surface, &mut label, &goal, &mut scratch, work)?;
     }
     smooth::smooth_borders(surface, &mut label, limits, work)?;
-    if spec.borders == BorderSmoothing::Shortest {
+    if spec.borders != BorderSmoothing::Vote {
         straighten::straighten_borders(surface, &mut label, limits, work)?;
     }
     finish(surface, label, limits, work)
@@ -303,6 +303,14 @@ pub fn box_aspect_ratios(mesh: &SurfaceMesh, topology: &Topology, partition: &Pa
         Ok(aspect::by_boxes(mesh, topology, label, &faces, &mut scratch))
     };
     faces_by_patch(label).into_iter().map(ratio).collect()
+}
+
+/// Measures the patches of given labels, one after another; nothing is checked. O(F).
+pub fn summarize_patches(mesh: &SurfaceMesh, topology: &Topology, features: &Features, face_patch: &[u32]) -> Vec<PatchSummary> {
+    let surface = Surface::new(mesh, topology, features);
+    let mut scratch = Scratch::new(topology);
+    let summary = |(p, faces): (usize, &Vec<u32>)| measure(&surface, face_patch, faces, p as u32, &mut scratch).summary();
+    faces_by_patch(face_patch).iter().enumerate().map(summary).collect()
 }
 
 /// Splits the listed patches in two (those whose chart failed) and leaves all others' face sets as they are. A patch listed

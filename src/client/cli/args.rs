@@ -207,7 +207,7 @@ pub(crate) struct InputArgs {
     /// Point and normal of the plane of `--partition-strategy plane`; without it the best of a few planes is taken
     #[arg(long, value_name = "X,Y,Z,NX,NY,NZ", value_parser = plane, allow_negative_numbers = true, allow_hyphen_values = true)]
     pub(crate) plane: Option<PlaneArg>,
-    /// What is done to the borders between patches [default: vote]
+    /// What is done to the borders between patches [default: geodesic]
     #[arg(long, value_name = "HOW")]
     pub(crate) borders: Option<BorderChoice>,
     /// Rounds of optimisation across patch borders; 0 leaves the mesh as it was joined [default: 5]

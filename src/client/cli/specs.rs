@@ -219,6 +219,7 @@ fn put_partition(args: &InputArgs, spec: &mut v1::PartitionSpec) -> bool {
         spec.set_borders(match borders {
             BorderChoice::Vote => v1::PartitionBorders::Vote,
             BorderChoice::Shortest => v1::PartitionBorders::Shortest,
+            BorderChoice::Geodesic => v1::PartitionBorders::Geodesic,
         });
     }
     let numbers = args.patches.is_some() || args.max_patch_faces.is_some() || args.max_aspect_ratio.is_some();

@@ -51,10 +51,13 @@ pub struct Plane {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum BorderSmoothing {
     /// Faces change patches one at a time where that straightens a border.
-    #[default]
     Vote,
     /// Then every border is laid anew along the shortest edge path within a band around it.
     Shortest,
+    /// Then every border is shortened over the surface to a geodesic nearby, and input triangles are split along it; that is done by
+    /// [`crate::cut`], the partition itself has the shortest edge paths.
+    #[default]
+    Geodesic,
 }
 
 /// Partitions by the strategy of `spec`.

@@ -191,8 +191,9 @@ pub(crate) fn partition(spec: &v1::PartitionSpec) -> Result<PartitionSpec> {
     let max_patch_faces = spec.max_patch_faces.unwrap_or(default.max_patch_faces);
     let strategy = strategy(spec)?;
     let borders = match known(spec.borders, "partition.borders")? {
-        v1::PartitionBorders::Unspecified | v1::PartitionBorders::Vote => BorderSmoothing::Vote,
+        v1::PartitionBorders::Vote => BorderSmoothing::Vote,
         v1::PartitionBorders::Shortest => BorderSmoothing::Shortest,
+        v1::PartitionBorders::Unspecified | v1::PartitionBorders::Geodesic => BorderSmoothing::Geodesic,
     };
     Ok(PartitionSpec { patches: spec.patches, max_patch_faces, max_aspect_ratio, strategy, borders })
 }

@@ -82,6 +82,8 @@ pub(crate) enum BorderChoice {
     Vote,
     /// Then borders are laid along shortest paths within a band
     Shortest,
+    /// Then borders are shortened over the surface, and triangles are split along them
+    Geodesic,
 }
 
 /// A plane.
