@@ -19,10 +19,11 @@ use crate::parametrize::{
     BoundaryFactor, ChartFactor, ChartOutcome, ChartSpec, ChartSystem, MapSpec, ProblemSpec, SolvedMap, Weights, candidate_maps, conclude,
     factor_boundary, factor_system, next_map, plan_system, solve_map, unsolved_map,
 };
-use crate::partition::{Partition, partition_surface, split_patches};
+use crate::partition::{Ground, Partition, apply_edits, partition_surface, split_patches};
 use crate::patch::{PatchMap, extract_patches};
 use crate::planar::{CurveUse, LiftedPatch, PlanarMesh, VertexOrigin, lift, mesh_chart};
 use crate::quality::{QualityReport, QualityScope, TargetSize, measure_quality};
+use crate::regions::{RegionFreedom, assign_regions};
 use crate::sample;
 use crate::session::{MeshSource, Snapshot};
 use crate::sizing::{SizeField, evaluate_size};
@@ -116,17 +117,45 @@ fn largest_first(patches: &PatchSet, listed: impl Iterator<Item = usize>) -> Vec
 }
 
 pub(super) fn charts_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Charts> {
-    let Layout { surface, features, partition, patches, charts, resplit } = layout_step(context, snapshot)?;
+    let Layout { surface, features, partition, patches, charts, resplit, edits } = layout_step(context, snapshot)?;
     let charts = charts.into_iter().collect::<Result<Vec<_>>>()?;
-    Ok(Charts { surface, features, partition, patches, charts, resplit })
+    Ok(Charts { surface, features, partition, patches, charts, resplit, edits })
 }
 
-/// The partition all of whose patches have a chart or a specification that gives none. A patch with a specification of its own is never
-/// split, nor is one whose named method is refused: what is wrong is kept beside the others, so that it can be named and mended.
+/// The partition with the user's edits. They are of patches as the user saw them, all with charts, so the log is replayed on those; an
+/// edit may be of halves of patches that edits before it made and that had to be split, so these are mapped before it.
 pub(super) fn layout_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Layout> {
     let surface = surface_step(context, snapshot)?;
     let features = features_step(context, snapshot, &surface)?;
-    let mut partition = partition_step(context, snapshot, &surface, &features)?;
+    let partition = partition_step(context, snapshot, &surface, &features)?;
+    let mut layout = mapped_step(context, snapshot, surface, features, partition)?;
+    while let Some(left) = snapshot.patch_edits.get(layout.edits.len()..).filter(|left| !left.is_empty()) {
+        let (surface, features) = (layout.surface, layout.features);
+        let limit = snapshot.partition.max_aspect_ratio;
+        let key = StageKey::new(Stage::Partition, |f| {
+            f.text("edits").fingerprint(surface.imported.output).fingerprint(features.output).fingerprint(layout.partition.output).f64(limit);
+            left.iter().for_each(|edit| edit.feed(f));
+        });
+        let edited = context.stage(key, Subject::Surface, |work| {
+            let ground = Ground { mesh: &surface.imported.mesh, topology: &surface.topology, features: &features };
+            apply_edits(ground, &layout.partition, left, limit, work)
+        })?;
+        let (edits, resplit) = ([layout.edits, edited.edits.clone()].concat(), layout.resplit);
+        let mapped = mapped_step(context, snapshot, surface, features, edited)?;
+        layout = Layout { resplit: resplit + mapped.resplit, edits, ..mapped };
+    }
+    Ok(layout)
+}
+
+/// A partition all of whose patches have a chart or a specification that gives none. A patch with a specification of its own is never
+/// split, nor is one whose named method is refused: what is wrong is kept beside the others, so that it can be named and mended.
+fn mapped_step(
+    context: &Context<'_>,
+    snapshot: &Snapshot,
+    surface: Surface,
+    features: Stored<Features>,
+    mut partition: Stored<Partition>,
+) -> Step<Layout> {
     let mut resplit = 0;
     for _ in 0..=MAX_RESPLITS {
         let patches = patches_step(context, &surface, &features, &partition)?;
@@ -137,7 +166,7 @@ pub(super) fn layout_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<La
             .map(|p| p as u32)
             .collect();
         if failing.is_empty() {
-            return Ok(Layout { surface, features, partition, patches, charts, resplit });
+            return Ok(Layout { surface, features, partition, patches, charts, resplit, edits: Vec::new() });
         }
         resplit += failing.len() as u32;
         let key = StageKey::new(Stage::Partition, |f| {
@@ -398,12 +427,20 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
     let tree = tree.map_err(below)?;
     let assembled = assembly_step(context, &charts, &meshes).map_err(below)?;
     let spec = &snapshot.optimize;
+    let freedom = RegionFreedom::new(&charts.features.compounds, snapshot.features.region_borders);
     let key = StageKey::new(Stage::Optimize, |f| {
         f.fingerprint(charts.surface.imported.output).fingerprint(assembled.output).fingerprint(sizes.output).text(&format!("{spec:?}"));
+        if !freedom.is_none() {
+            f.u32s(&freedom.groups());
+        }
     });
     let input = &charts.surface.imported.mesh;
-    let result =
-        context.stage(key, Subject::Surface, |work| optimize_surface(input, &tree.value.output, &assembled, &sizes, spec, work))?;
+    let result = context.stage(key, Subject::Surface, |work| {
+        let mut result = optimize_surface(input, &tree.value.output, &assembled, &sizes, spec, work)?;
+        let (mesh, fixed) = (&mut result.mesh, &result.curve_edges);
+        result.lost_regions = assign_regions(input, &tree.value.output, mesh, fixed, freedom, work)?;
+        Ok(result)
+    })?;
     Ok(Remesh { charts, sizes, result })
 }
 
