@@ -46,6 +46,17 @@ pub struct Surface {
     pub topology: Stored<Topology>,
 }
 
+/// A partitioned surface, before charts.
+#[derive(Debug, Clone)]
+pub struct Partitioned {
+    /// The imported mesh.
+    pub imported: Stored<Imported>,
+    /// Its features.
+    pub features: Stored<Features>,
+    /// The partition.
+    pub partition: Stored<Partition>,
+}
+
 /// A partitioned surface with a chart for every patch.
 #[derive(Debug, Clone)]
 pub struct Charts {
@@ -225,12 +236,12 @@ pub fn surface(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<An
 ///
 /// # Errors
 /// Those of [`surface`], [`detect_features`] and [`partition_surface`].
-pub fn partition(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Answer<(Stored<Features>, Stored<Partition>)>> {
+pub fn partition(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Answer<Partitioned>> {
     Context::execute(engine, run, |context| {
         let surface = graph::surface_step(context, snapshot)?;
         let features = graph::features_step(context, snapshot, &surface)?;
         let partition = graph::partition_step(context, snapshot, &surface, &features)?;
-        Ok((features, partition))
+        Ok(Partitioned { imported: surface.imported, features, partition })
     })
 }
 
