@@ -39,6 +39,8 @@ pub enum Stage {
     Planar,
     /// Planar mesh lifted to space.
     Lift,
+    /// The inside of a patch optimised in space.
+    Interior,
     /// Patches joined.
     Assembly,
     /// Optimisation on the surface.
@@ -49,7 +51,7 @@ pub enum Stage {
 
 impl Stage {
     /// All stages in pipeline order.
-    pub const ALL: [Stage; 18] = [
+    pub const ALL: [Stage; 19] = [
         Stage::Import,
         Stage::Topology,
         Stage::SearchTree,
@@ -65,6 +67,7 @@ impl Stage {
         Stage::Curve,
         Stage::Planar,
         Stage::Lift,
+        Stage::Interior,
         Stage::Assembly,
         Stage::Optimize,
         Stage::Quality,
@@ -88,6 +91,7 @@ impl Stage {
             Stage::Curve => "curve",
             Stage::Planar => "planar",
             Stage::Lift => "lift",
+            Stage::Interior => "interior",
             Stage::Assembly => "assembly",
             Stage::Optimize => "optimize",
             Stage::Quality => "quality",

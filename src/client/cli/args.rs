@@ -3,7 +3,7 @@
 mod chart;
 mod values;
 
-pub(crate) use chart::{ChartAllArgs, ChartArgs, ChartOutput, ChartSpecArgs, ChartVerb, PatchOf};
+pub(crate) use chart::{ChartAllArgs, ChartArgs, ChartOutput, ChartSpecArgs, ChartVerb, PatchOf, PatchSpecArgs};
 #[cfg(test)]
 pub(crate) use values::PinArg;
 pub(crate) use values::{

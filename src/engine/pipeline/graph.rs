@@ -1,6 +1,11 @@
 //! The one file that ties stage functions to stage keys, in the order of the pipeline. In a plan, a stage that is not cached is
 //! recorded as "will run" and nothing below it is looked at.
 
+mod edits;
+mod quality;
+
+pub(super) use quality::{compare_step, quality_step};
+
 use super::context::{Context, Halt, Step};
 use super::kept::Kept;
 use super::naming::{on_surface, refusal};
@@ -14,15 +19,14 @@ use crate::features::{Features, detect_features};
 use crate::fingerprint::Contents;
 use crate::import::{ImportOptions, Imported, import_arrays, import_mesh};
 use crate::mesh::SurfaceMesh;
-use crate::optimize::optimize_surface;
+use crate::optimize::{Interiors, optimize_patch, optimize_surface};
 use crate::parametrize::{
     BoundaryFactor, ChartFactor, ChartOutcome, ChartSpec, ChartSystem, MapSpec, ProblemSpec, SolvedMap, Weights, candidate_maps, conclude,
     factor_boundary, factor_system, next_map, plan_system, solve_map, unsolved_map,
 };
-use crate::partition::{Ground, Partition, apply_edits, partition_surface, split_patches};
+use crate::partition::{Partition, partition_surface, split_patches};
 use crate::patch::{PatchMap, extract_patches};
 use crate::planar::{CurveUse, LiftedPatch, PlanarMesh, VertexOrigin, lift, mesh_chart};
-use crate::quality::{QualityReport, QualityScope, TargetSize, measure_quality};
 use crate::regions::{RegionFreedom, assign_regions};
 use crate::sample;
 use crate::session::{MeshSource, Snapshot};
@@ -130,17 +134,9 @@ pub(super) fn layout_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<La
     let partition = partition_step(context, snapshot, &surface, &features)?;
     let mut layout = mapped_step(context, snapshot, surface, features, partition)?;
     while let Some(left) = snapshot.patch_edits.get(layout.edits.len()..).filter(|left| !left.is_empty()) {
-        let (surface, features) = (layout.surface, layout.features);
-        let limit = snapshot.partition.max_aspect_ratio;
-        let key = StageKey::new(Stage::Partition, |f| {
-            f.text("edits").fingerprint(surface.imported.output).fingerprint(features.output).fingerprint(layout.partition.output).f64(limit);
-            left.iter().for_each(|edit| edit.feed(f));
-        });
-        let edited = context.stage(key, Subject::Surface, |work| {
-            let ground = Ground { mesh: &surface.imported.mesh, topology: &surface.topology, features: &features };
-            apply_edits(ground, &layout.partition, left, limit, work)
-        })?;
-        let (edits, resplit) = ([layout.edits, edited.edits.clone()].concat(), layout.resplit);
+        let edited = edits::edits_step(context, snapshot, &layout, left)?;
+        let Layout { surface, features, edits, resplit, .. } = layout;
+        let edits = [edits, edited.edits.clone()].concat();
         let mapped = mapped_step(context, snapshot, surface, features, edited)?;
         layout = Layout { resplit: resplit + mapped.resplit, edits, ..mapped };
     }
@@ -408,7 +404,12 @@ fn lift_step(
     let key = StageKey::new(Stage::Lift, |f| {
         f.fingerprint(key.input).fingerprint(planar.output);
     });
-    context.stage(key, subject, |_| Ok(lift(patch, &planar, &local_uses)))
+    let lifted: Stored<LiftedPatch> = context.stage(key, subject, |_| Ok(lift(patch, &planar, &local_uses)))?;
+    let spec = &snapshot.optimize;
+    let key = StageKey::new(Stage::Interior, |f| {
+        f.fingerprint(*fingerprint).fingerprint(lifted.output).f64s(&local_size).text(&format!("{spec:?}"));
+    });
+    context.stage(key, subject, |work| optimize_patch(patch, &lifted, &local_size, spec, work))
 }
 
 pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Remesh> {
@@ -419,7 +420,7 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
     let patches = (0..charts.charts.len() as u32).map(Subject::Patch);
     let curves = (0..charts.patches.network.curves.len() as u32).map(Subject::Curve);
     let each: Vec<(Stage, Subject)> =
-        curves.map(|c| (Stage::Curve, c)).chain(patches.flat_map(|p| [(Stage::Planar, p), (Stage::Lift, p)])).collect();
+        curves.map(|c| (Stage::Curve, c)).chain(patches.flat_map(|p| [(Stage::Planar, p), (Stage::Lift, p), (Stage::Interior, p)])).collect();
     let below = |halt| context.and_below(halt, &below_charts, &each);
     let sizes = size_step(context, snapshot, &charts).map_err(below)?;
     let all: Vec<u32> = (0..charts.charts.len() as u32).collect();
@@ -436,7 +437,7 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
     });
     let input = &charts.surface.imported.mesh;
     let result = context.stage(key, Subject::Surface, |work| {
-        let mut result = optimize_surface(input, &tree.value.output, &assembled, &sizes, spec, work)?;
+        let mut result = optimize_surface(input, &tree.value.output, &assembled, Interiors::Optimized, &sizes, spec, work)?;
         let (mesh, fixed) = (&mut result.mesh, &result.curve_edges);
         result.lost_regions = assign_regions(input, &tree.value.output, mesh, fixed, freedom, work)?;
         Ok(result)
@@ -483,53 +484,4 @@ fn search_tree_step(context: &Context<'_>, imported: &Stored<Imported>) -> Step<
         let tree = TriangleBvh::build(&mesh.positions, &mesh.triangles);
         Ok(Kept { bytes: tree.bytes(), output: tree, of })
     })
-}
-
-pub(super) fn quality_step(context: &Context<'_>, remesh: &Remesh, scope: QualityScope) -> Step<Stored<QualityReport>> {
-    let surface = &remesh.charts.surface;
-    let tree = search_tree_step(context, &surface.imported)?;
-    let key = StageKey::new(Stage::Quality, |f| {
-        f.fingerprint(surface.imported.output).fingerprint(remesh.result.output).fingerprint(remesh.sizes.output).u64(scope as u64);
-    });
-    context.stage(key, Subject::Surface, |work| {
-        let output = &remesh.result.mesh;
-        let target = match remesh.sizes.uniform {
-            Some(size) => TargetSize::Uniform(size),
-            None => TargetSize::PerVertex(sizes_on_output(surface, &tree.value.output, &remesh.sizes, output)?),
-        };
-        measure_quality(&surface.imported.mesh, &tree.value.output, output, Some(&target), scope, work)
-    })
-}
-
-/// The size field at the vertices of the output, linear on the input face below each.
-fn sizes_on_output(surface: &Surface, tree: &TriangleBvh, sizes: &SizeField, output: &SurfaceMesh) -> Result<Vec<f64>> {
-    let input = &surface.imported.mesh;
-    let at = |point: &[f64; 3]| {
-        let hit = tree.closest(*point).ok_or_else(|| EngineError::invariant("the search tree is empty"))?;
-        let [a, b, c] = input.corners(hit.face as usize);
-        let [i, j, k] = input.triangles[hit.face as usize].map(|v| sizes.vertex_size[v as usize]);
-        let weight = |p, q| crate::vector::triangle_area(p, q, hit.position);
-        let (wa, wb, wc) = (weight(b, c), weight(c, a), weight(a, b));
-        let sum = wa + wb + wc;
-        Ok(if sum > 0.0 { (wa * i + wb * j + wc * k) / sum } else { i })
-    };
-    output.positions.iter().map(at).collect()
-}
-
-pub(super) fn compare_step(
-    context: &Context<'_>,
-    input: (&MeshSource, &ImportOptions),
-    output: (&MeshSource, &ImportOptions),
-    size: Option<f64>,
-    scope: QualityScope,
-) -> Step<Stored<QualityReport>> {
-    let before = import_source_step(context, input.0, input.1)?;
-    let after = import_source_step(context, output.0, output.1)?;
-    let tree = search_tree_step(context, &before)?;
-    let key = StageKey::new(Stage::Quality, |f| {
-        f.text("compare").fingerprint(before.output).fingerprint(after.output).option_f64(size).u64(scope as u64);
-    });
-    let target = size.map(TargetSize::Uniform);
-    context
-        .stage(key, Subject::Surface, |work| measure_quality(&before.mesh, &tree.value.output, &after.mesh, target.as_ref(), scope, work))
 }

@@ -62,7 +62,7 @@ fn a_strip_thinner_than_elements_keeps_its_name_and_a_speck_is_told() {
     let input = plate(40, 3, |c| {
         if (c[1] - 0.5125).abs() < 0.0125 {
             1
-        } else if c[0] + 2.0 * c[1] < 0.026 {
+        } else if c[0] + 2.0 * c[1] < 0.035 {
             2
         } else {
             0

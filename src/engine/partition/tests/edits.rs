@@ -112,7 +112,9 @@ fn unions_that_are_no_patches_are_refused_with_the_reason_and_the_place() {
     let partition = ring.partition(&PartitionSpec { patches: Some(6), ..PartitionSpec::default() });
     let all: Vec<u32> = (0..partition.patches.len() as u32).collect();
     refused(&ring, &partition, &all, "closed");
-    refused(&ring, &partition, &all[1..], "genus 1");
+    let token = CancelToken::new();
+    let loose = edit_partition(ring.ground(), &partition, &PatchRequest::Merge { patches: all[1..].to_vec() }, 1e9, &Work::silent(&token));
+    assert!(loose.is_err_and(|e| e.message().contains("genus 1") && e.location_total() > 0));
     let square = case(disc(12), None);
     let three = stripes(&square, 12, 3);
     refused(&square, &three, &[0, 2], "connected");
