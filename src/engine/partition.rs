@@ -22,9 +22,7 @@ mod tests;
 mod two_way;
 
 pub use aspect::{OrientedBox, smallest_box};
-pub use edit::{
-    EditState, Ground, PatchEdit, PatchRequest, SplitMethod, apply_edits, edit_partition, name_edit, patch_identities,
-};
+pub use edit::{EditState, Ground, PatchEdit, PatchRequest, SplitMethod, apply_edits, edit_partition, name_edit, patch_identities};
 pub use strategy::{BorderSmoothing, PartitionStrategy, Plane};
 pub use two_way::{TwoWayCut, Verdict, cut_in_two};
 

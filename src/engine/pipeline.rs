@@ -188,8 +188,7 @@ impl Remesh {
         let mut warnings = Vec::new();
         if !self.result.lost_regions.is_empty() {
             let regions = &self.result.mesh.regions;
-            let named: Vec<String> =
-                self.result.lost_regions.iter().take(20).map(|&r| regions[r as usize].id.to_string()).collect();
+            let named: Vec<String> = self.result.lost_regions.iter().take(20).map(|&r| regions[r as usize].id.to_string()).collect();
             let more = if self.result.lost_regions.len() > 20 { ", ..." } else { "" };
             warnings.push(format!(
                 "{} regions are smaller than an element and have no face in the result: {}{more}",
@@ -254,8 +253,7 @@ pub fn edit_patches(engine: &Engine, snapshot: &Snapshot, request: &PatchRequest
     Context::execute(engine, run, |context| {
         let before = graph::layout_step(context, snapshot)?;
         let edit = name_edit(&before.partition, &before.patches.identities, request)?;
-        let ground =
-            Ground { mesh: &before.surface.imported.mesh, topology: &before.surface.topology, features: &before.features };
+        let ground = Ground { mesh: &before.surface.imported.mesh, topology: &before.surface.topology, features: &before.features };
         let work = Work::silent(run.cancel);
         let alone = edit_partition(ground, &before.partition, request, snapshot.partition.max_aspect_ratio, &work)?;
         let next = snapshot.with_patch_edit(edit.clone())?;

@@ -127,7 +127,8 @@ fn straighten(
                 let open = topology.twin(h).filter(|_| fixed.binary_search(&[a.min(b), a.max(b)]).is_err());
                 beside[k] = open.map(|t| output.face_region[topology.face(t) as usize]);
             }
-            let twice = if beside[0] == beside[1] || beside[0] == beside[2] { beside[0] } else { beside[1].filter(|_| beside[1] == beside[2]) };
+            let twice =
+                if beside[0] == beside[1] || beside[0] == beside[2] { beside[0] } else { beside[1].filter(|_| beside[1] == beside[2]) };
             let Some(other) = twice.filter(|&r| r != own && freedom.group_of(r) == freedom.group_of(own)) else { continue };
             if count[own as usize] > least[own as usize] {
                 count[own as usize] -= 1;

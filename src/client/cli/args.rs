@@ -4,12 +4,13 @@ mod chart;
 mod patch;
 mod values;
 
-pub(crate) use patch::{PartitionArgs, PatchArgs, PatchVerb};
 pub(crate) use chart::{ChartAllArgs, ChartArgs, ChartOutput, ChartSpecArgs, ChartVerb, PatchOf, PatchSpecArgs};
+pub(crate) use patch::{PartitionArgs, PatchArgs, PatchVerb};
 #[cfg(test)]
 pub(crate) use values::PinArg;
 pub(crate) use values::{
-    BorderChoice, BoundaryCurve, HoleChoice, OuterLoop, PartitionStrategy, PinChoice, PlaneArg, SpacingChoice, SplitChoice, names_session, session_name,
+    BorderChoice, BoundaryCurve, HoleChoice, OuterLoop, PartitionStrategy, PinChoice, PlaneArg, SpacingChoice, SplitChoice, names_session,
+    session_name,
 };
 pub(crate) use values::{ChartMethod, ColourBy, Encoding, FeatureAngle, ObjRegions, ReadFormat, SampleName, Unit, Up};
 

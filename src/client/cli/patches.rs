@@ -5,9 +5,9 @@ use super::context::Context;
 use super::failure::Outcome;
 use super::ui::Report;
 use super::{files, json, summary};
+use crate::error::Short;
 use crate::v1;
 use serde_json::json;
-use crate::error::Short;
 use v1::split_patch_request::How;
 
 const HEADER: &str = "    patch      faces        area  loops  genus      border   aspect  of box  origin\n";
@@ -86,17 +86,35 @@ pub(crate) async fn verb(context: &Context, verb: &PatchVerb) -> Outcome<Report>
                 (None, None) => None,
             };
             let done = client.split_patch(&at.session.session, at.patch, how, None).await?;
-            edited(context, &at.session.session, [done.revision, done.patch_count.into(), done.split_again.into()], &done.patches, done.summary)
+            edited(
+                context,
+                &at.session.session,
+                [done.revision, done.patch_count.into(), done.split_again.into()],
+                &done.patches,
+                done.summary,
+            )
         }
         PatchVerb::Merge { session, patches } => {
             let done = client.merge_patches(&session.session, patches, None).await?;
-            edited(context, &session.session, [done.revision, done.patch_count.into(), done.split_again.into()], &done.patches, done.summary)
+            edited(
+                context,
+                &session.session,
+                [done.revision, done.patch_count.into(), done.split_again.into()],
+                &done.patches,
+                done.summary,
+            )
         }
         PatchVerb::Reassign { at, faces, faces_from } => {
             let read = faces_from.as_deref().map(files::read_indices).transpose()?;
             let faces = read.as_deref().unwrap_or(faces);
             let done = client.reassign_faces(&at.session.session, faces, at.patch, None).await?;
-            edited(context, &at.session.session, [done.revision, done.patch_count.into(), done.split_again.into()], &done.patches, done.summary)
+            edited(
+                context,
+                &at.session.session,
+                [done.revision, done.patch_count.into(), done.split_again.into()],
+                &done.patches,
+                done.summary,
+            )
         }
         PatchVerb::Reset(session) => {
             let done = client.reset_patches(&session.session, None).await?;

@@ -5,8 +5,8 @@ mod chart;
 pub(crate) use chart::{chart_edit, merged_chart, names_vertices};
 
 use super::args::{
-    BorderChoice, ChartMethod, ChartSpecArgs, Encoding, FeatureAngle, ImportArgs, InputArgs, LimitArg, ObjRegions, RegionListArg, PartitionStrategy, ReadFormat,
-    SampleName, SampleSpecArgs, SizeArgs, Unit,
+    BorderChoice, ChartMethod, ChartSpecArgs, Encoding, FeatureAngle, ImportArgs, InputArgs, LimitArg, ObjRegions, PartitionStrategy,
+    ReadFormat, RegionListArg, SampleName, SampleSpecArgs, SizeArgs, Unit,
 };
 use super::failure::{Failure, Outcome};
 use super::files;

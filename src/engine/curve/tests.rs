@@ -116,7 +116,11 @@ fn curves_of_a_grid_cut_in_quarters() {
         ..Partition::default()
     };
     // A dangling feature of two edges inside the first quarter.
-    let mut features = Features { is_feature: vec![false; topology.halfedge_count()], corners: vec![0, n, n * (n + 1), n * (n + 2)], ..Features::default() };
+    let mut features = Features {
+        is_feature: vec![false; topology.halfedge_count()],
+        corners: vec![0, n, n * (n + 1), n * (n + 2)],
+        ..Features::default()
+    };
     for h in 0..topology.halfedge_count() as u32 {
         let ends = (topology.origin(h), topology.target(h));
         let (a, b) = (ends.0.min(ends.1), ends.0.max(ends.1));

@@ -162,7 +162,9 @@ impl<'a> Editor<'a> {
                 let side: Vec<bool> = faces.iter().map(|&f| dot(sub(location(f).position, plane.point), plane.normal) >= 0.0).collect();
                 if side.iter().all(|&s| s) || !side.contains(&true) {
                     let message = format!("all of patch {p} is on one side of it");
-                    return Err(EngineError::bad_parameter("plane", message).with_metadata("patch", p).with_locations([location(faces[0])]));
+                    return Err(EngineError::bad_parameter("plane", message)
+                        .with_metadata("patch", p)
+                        .with_locations([location(faces[0])]));
                 }
                 self.divider.halve_by(faces, side)
             }

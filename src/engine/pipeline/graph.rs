@@ -419,8 +419,10 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
     let tree = search_tree_step(context, &charts.surface.imported);
     let patches = (0..charts.charts.len() as u32).map(Subject::Patch);
     let curves = (0..charts.patches.network.curves.len() as u32).map(Subject::Curve);
-    let each: Vec<(Stage, Subject)> =
-        curves.map(|c| (Stage::Curve, c)).chain(patches.flat_map(|p| [(Stage::Planar, p), (Stage::Lift, p), (Stage::Interior, p)])).collect();
+    let each: Vec<(Stage, Subject)> = curves
+        .map(|c| (Stage::Curve, c))
+        .chain(patches.flat_map(|p| [(Stage::Planar, p), (Stage::Lift, p), (Stage::Interior, p)]))
+        .collect();
     let below = |halt| context.and_below(halt, &below_charts, &each);
     let sizes = size_step(context, snapshot, &charts).map_err(below)?;
     let all: Vec<u32> = (0..charts.charts.len() as u32).collect();

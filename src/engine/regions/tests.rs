@@ -36,9 +36,9 @@ fn regions_follow_the_input_below_them() {
     }
     let topology = Topology::build(&output.triangles, output.positions.len()).unwrap();
     let ragged = (0..output.triangles.len()).filter(|&f| {
-        let other = (3 * f as u32..3 * f as u32 + 3).filter_map(|h| topology.twin(h)).filter(|&t| {
-            output.face_region[topology.face(t) as usize] != output.face_region[f]
-        });
+        let other = (3 * f as u32..3 * f as u32 + 3)
+            .filter_map(|h| topology.twin(h))
+            .filter(|&t| output.face_region[topology.face(t) as usize] != output.face_region[f]);
         other.count() > 1
     });
     assert_eq!(ragged.count(), 0, "no face is surrounded by another region");

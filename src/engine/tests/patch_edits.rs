@@ -88,8 +88,19 @@ fn an_edit_runs_the_patches_that_changed_and_undo_runs_nothing() {
         .iter()
         .filter(|c| {
             let ends = [c.halfedges[0], c.halfedges[c.halfedges.len() - 1]];
-            ends.iter().any(|&h| after.surface.topology.outgoing(after.surface.topology.origin(h)).any(|k| made.contains(&after.partition.face_patch[k as usize / 3])))
-                || ends.iter().any(|&h| after.surface.topology.outgoing(after.surface.topology.target(h)).any(|k| made.contains(&after.partition.face_patch[k as usize / 3])))
+            ends.iter().any(|&h| {
+                after
+                    .surface
+                    .topology
+                    .outgoing(after.surface.topology.origin(h))
+                    .any(|k| made.contains(&after.partition.face_patch[k as usize / 3]))
+            }) || ends.iter().any(|&h| {
+                after
+                    .surface
+                    .topology
+                    .outgoing(after.surface.topology.target(h))
+                    .any(|k| made.contains(&after.partition.face_patch[k as usize / 3]))
+            })
         })
         .enumerate()
         .map(|(_, c)| after.patches.network.curves.iter().position(|d| d.halfedges == c.halfedges).unwrap() as u32)

@@ -206,7 +206,9 @@ fn strategy(spec: &v1::PartitionSpec) -> Result<PartitionStrategy> {
         v1::PartitionStrategy::Laplace => PartitionStrategy::Laplace,
         v1::PartitionStrategy::MaxCut => PartitionStrategy::MaxCut,
         v1::PartitionStrategy::Handles => PartitionStrategy::Handles,
-        v1::PartitionStrategy::Plane => return Ok(PartitionStrategy::Plane { plane: spec.plane.as_ref().map(|p| plane(p, "partition.plane")).transpose()? }),
+        v1::PartitionStrategy::Plane => {
+            return Ok(PartitionStrategy::Plane { plane: spec.plane.as_ref().map(|p| plane(p, "partition.plane")).transpose()? });
+        }
     };
     match spec.plane {
         None => Ok(strategy),

@@ -97,8 +97,5 @@ pub(crate) fn reassign(engine: &Engine, request: &v1::ReassignFacesRequest) -> R
 
 /// Numbers of the listed patches of a layout.
 pub(crate) fn summaries(partition: &remesh_engine::partition::Partition, listed: &[u32]) -> Vec<v1::PatchSummary> {
-    listed
-        .iter()
-        .filter_map(|&p| Some(to_proto::patch_summary(p as usize, partition.patches.get(p as usize)?)))
-        .collect()
+    listed.iter().filter_map(|&p| Some(to_proto::patch_summary(p as usize, partition.patches.get(p as usize)?))).collect()
 }

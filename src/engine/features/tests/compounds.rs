@@ -104,8 +104,7 @@ fn thin_regions_go_to_the_neighbour_of_most_contact() {
 
 #[test]
 fn rules_add_up() {
-    let spec =
-        CompoundSpec { lists: vec![vec![14, 15]], merge_angle_deg: Some(35.0), ..CompoundSpec::default() };
+    let spec = CompoundSpec { lists: vec![vec![14, 15]], merge_angle_deg: Some(35.0), ..CompoundSpec::default() };
     assert_eq!(groups(&detect(&rounded(), &with(spec)).unwrap().1), [vec![0, 1, 2, 3], vec![4, 5]]);
     let joined = CompoundSpec { lists: vec![vec![13, 14]], merge_angle_deg: Some(35.0), ..CompoundSpec::default() };
     let (_, features) = detect(&rounded(), &with(joined)).unwrap();

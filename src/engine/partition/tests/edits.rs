@@ -68,7 +68,8 @@ fn a_split_leaves_other_patches_alone_and_a_merge_takes_it_back() {
             }
             let after = case.edit(&before, &split(chosen, method)).unwrap();
             assert_eq!(after.patches.len(), before.patches.len() + 1, "{name} {method:?}");
-            let parts: Vec<u32> = (0..after.patches.len() as u32).filter(|&p| after.patches[p as usize].origin == PatchOrigin::Split).collect();
+            let parts: Vec<u32> =
+                (0..after.patches.len() as u32).filter(|&p| after.patches[p as usize].origin == PatchOrigin::Split).collect();
             assert_eq!(parts.len(), 2, "{name}");
             let (kept, all) = (case.identities(&before), case.identities(&after));
             assert_eq!(kept.intersection(&all).count(), before.patches.len() - 1, "{name}");
@@ -197,7 +198,11 @@ fn a_log_means_faces_not_numbers_and_waits_for_its_patches() {
     let elsewhere = case.replay(&stripes(&case, n, 2), &log);
     assert!(elsewhere.edits.len() == 3 && elsewhere.edits.iter().all(|e| matches!(e, EditState::Waiting(_))));
     // An edit whose patches are there, but which features forbid now, waits too.
-    let mut fenced = Case { features: case.features.clone(), mesh: case.mesh.clone(), topology: Topology::build(&case.mesh.triangles, case.mesh.positions.len()).unwrap() };
+    let mut fenced = Case {
+        features: case.features.clone(),
+        mesh: case.mesh.clone(),
+        topology: Topology::build(&case.mesh.triangles, case.mesh.positions.len()).unwrap(),
+    };
     let merge = case.name(&three, &PatchRequest::Merge { patches: vec![0, 1] });
     for h in 0..case.topology.halfedge_count() as u32 {
         let across = case.topology.twin(h).map(|t| three.face_patch[t as usize / 3]);

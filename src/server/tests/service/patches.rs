@@ -69,7 +69,8 @@ async fn a_patch_is_split_merged_and_reset() {
     let merged = merge(&daemon, &session, &numbers).await.expect("merge");
     assert_eq!((merged.revision, merged.patch_count as usize), (4, before.patches.len()));
     assert_eq!(merged.patches[0].origin(), v1::PatchOrigin::Merge);
-    let reset = |session: String| async { daemon.partitions().reset_patches(v1::ResetPatchesRequest { session, base_revision: None }).await };
+    let reset =
+        |session: String| async { daemon.partitions().reset_patches(v1::ResetPatchesRequest { session, base_revision: None }).await };
     let back = reset(session.clone()).await.expect("reset").into_inner();
     assert_eq!((back.revision, back.edits), (5, 2));
     assert_eq!(reset(session.clone()).await.expect("reset").into_inner().revision, 5, "nothing to take back");
@@ -122,9 +123,8 @@ async fn compounds_are_told_and_checked() {
     let imported = daemon.import(&session, v1::import_mesh_request::Source::Sample(sample)).await.expect("import");
     let regions = imported.mesh.expect("mesh").regions;
     assert!(regions.len() > 2, "{regions:?}");
-    let features = |compounds: v1::CompoundSpec| {
-        v1::change::Change::Features(v1::FeatureSpec { compounds: Some(compounds), ..Default::default() })
-    };
+    let features =
+        |compounds: v1::CompoundSpec| v1::change::Change::Features(v1::FeatureSpec { compounds: Some(compounds), ..Default::default() });
     daemon.change(&session, None, features(v1::CompoundSpec { merge_angle: Some(180.0), ..Default::default() })).await.expect("angle");
     let result = partition(&daemon, &session, false).await;
     let merged: usize = result.compounds.iter().map(|c| c.regions.len()).sum();
