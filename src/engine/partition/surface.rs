@@ -104,6 +104,7 @@ impl Piece {
             genus: self.genus().max(0) as u32,
             border_length: self.border_length,
             aspect_ratio: self.aspect_ratio(),
+            ..PatchSummary::default()
         }
     }
 }
