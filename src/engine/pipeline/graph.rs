@@ -79,12 +79,7 @@ pub(super) fn features_step(context: &Context<'_>, snapshot: &Snapshot, surface:
     context.stage(key, Subject::Surface, |work| detect_features(&surface.imported.mesh, &surface.topology, spec, work))
 }
 
-fn partition_step(
-    context: &Context<'_>,
-    snapshot: &Snapshot,
-    surface: &Surface,
-    features: &Stored<Features>,
-) -> Step<Stored<Partition>> {
+fn partition_step(context: &Context<'_>, snapshot: &Snapshot, surface: &Surface, features: &Stored<Features>) -> Step<Stored<Partition>> {
     let spec = &snapshot.partition;
     let key = StageKey::new(Stage::Partition, |f| {
         f.fingerprint(surface.imported.output).fingerprint(features.output).text(&format!("{spec:?}"));

@@ -217,7 +217,8 @@ fn identities_are_those_of_extracted_patches() {
     let case = case(torus(12), None);
     let partition = case.partition(&PartitionSpec { patches: Some(5), ..PartitionSpec::default() });
     let cut = extract_patches(&case.mesh, &case.topology, &partition).unwrap();
-    let expected: Vec<Fingerprint> = cut.iter()
+    let expected: Vec<Fingerprint> = cut
+        .iter()
         .map(|(patch, map)| {
             let mut feeder = Feeder::new();
             feeder.tuples(&patch.triangles.iter().map(|t| t.map(|v| map.vertices[v as usize])).collect::<Vec<_>>());
