@@ -310,7 +310,7 @@ fn finish(surface: &Surface<'_>, mut label: Vec<u32>, limits: Limits, work: &Wor
 }
 
 /// Lower bound of eta of every patch: longest side of the oriented box of the patch over that of its longest loop (P2 section 2). Limited
-/// by nothing, so it is no part of a [`Partition`]; it costs about a tenth of one.
+/// by nothing, so it is no part of a [`Partition`].
 ///
 /// # Errors
 /// Those of `work`.
