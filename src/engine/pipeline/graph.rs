@@ -1,11 +1,16 @@
 //! The one file that ties stage functions to stage keys, in the order of the pipeline. In a plan, a stage that is not cached is
 //! recorded as "will run" and nothing below it is looked at.
 
+mod edits;
+mod quality;
+
+pub(super) use quality::{compare_step, quality_step};
+
 use super::context::{Context, Halt, Step};
 use super::kept::Kept;
 use super::naming::{on_surface, refusal};
 use super::patch_set::PatchSet;
-use super::{Charts, Layout, Remesh, Surface};
+use super::{Charts, Layout, Partitioned, Remesh, Surface};
 use crate::assemble::{Assembled, assemble};
 use crate::bvh::TriangleBvh;
 use crate::curve::{CurveMesh, CurvePolyline, PatchCurve, curve_polyline, mesh_curve, patch_curves, trace_curves};
@@ -20,17 +25,15 @@ use crate::parametrize::{
     BoundaryFactor, ChartFactor, ChartOutcome, ChartSpec, ChartSystem, MapSpec, ProblemSpec, SolvedMap, Weights, candidate_maps, conclude,
     factor_boundary, factor_system, next_map, plan_system, solve_map, unsolved_map,
 };
-use crate::partition::{BorderSmoothing, Partition, partition_surface, split_patches};
-use crate::patch::{PatchMap, extract_patches, patch_identities};
+use crate::partition::{BorderSmoothing, Partition, partition_surface, patch_identities, split_patches};
+use crate::patch::{PatchMap, extract_patches};
 use crate::planar::{CurveUse, LiftedPatch, PlanarMesh, VertexOrigin, lift, mesh_chart};
-use crate::quality::seams::{Patched, SeamQuality, measure_seams};
-use crate::quality::{QualityReport, QualityScope, TargetSize, measure_quality};
+use crate::regions::{RegionFreedom, assign_regions};
 use crate::sample;
 use crate::session::{MeshSource, Snapshot};
 use crate::sizing::{SizeField, evaluate_size};
 use crate::stage::{Stage, StageKey, Stored, Subject};
 use crate::topology::Topology;
-use crate::vector::Vec3;
 use std::sync::Arc;
 
 /// Largest number of times patches without a usable chart are split.
@@ -76,7 +79,7 @@ pub(super) fn features_step(context: &Context<'_>, snapshot: &Snapshot, surface:
     context.stage(key, Subject::Surface, |work| detect_features(&surface.imported.mesh, &surface.topology, spec, work))
 }
 
-pub(super) fn partition_step(
+fn partition_step(
     context: &Context<'_>,
     snapshot: &Snapshot,
     surface: &Surface,
@@ -90,7 +93,7 @@ pub(super) fn partition_step(
 }
 
 /// The surface split along straight borders, if the snapshot asks for them.
-pub(super) fn cut_step(
+fn cut_step(
     context: &Context<'_>,
     snapshot: &Snapshot,
     surface: &Surface,
@@ -107,6 +110,15 @@ pub(super) fn cut_step(
     let mesh = &surface.imported.mesh;
     let cut = context.stage(key, Subject::Surface, |work| cut_along_borders(mesh, &surface.topology, features, partition, most, work))?;
     Ok(Some(cut))
+}
+
+/// The partition before any split that charts ask for and any edit.
+pub(super) fn partitioned_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Partitioned> {
+    let surface = surface_step(context, snapshot)?;
+    let features = features_step(context, snapshot, &surface)?;
+    let partition = partition_step(context, snapshot, &surface, &features)?;
+    let cut = cut_step(context, snapshot, &surface, &features, &partition)?;
+    Ok(Partitioned { surface, features, partition, cut })
 }
 
 fn patches_step(
@@ -153,17 +165,37 @@ fn largest_first(patches: &PatchSet, listed: impl Iterator<Item = usize>) -> Vec
 }
 
 pub(super) fn charts_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Charts> {
-    let Layout { surface, features, partition, cut, patches, charts, resplit } = layout_step(context, snapshot)?;
+    let Layout { surface, features, partition, cut, patches, charts, resplit, edits } = layout_step(context, snapshot)?;
     let charts = charts.into_iter().collect::<Result<Vec<_>>>()?;
-    Ok(Charts { surface, features, partition, cut, patches, charts, resplit })
+    Ok(Charts { surface, features, partition, cut, patches, charts, resplit, edits })
 }
 
-/// The partition all of whose patches have a chart or a specification that gives none. A patch with a specification of its own is never
-/// split, nor is one whose named method is refused: what is wrong is kept beside the others, so that it can be named and mended.
+/// The partition with the user's edits. They are of patches as the user saw them, all with charts, so the log is replayed on those; an
+/// edit may be of halves of patches that edits before it made and that had to be split, so these are mapped before it.
 pub(super) fn layout_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Layout> {
     let surface = surface_step(context, snapshot)?;
     let features = features_step(context, snapshot, &surface)?;
-    let mut partition = partition_step(context, snapshot, &surface, &features)?;
+    let partition = partition_step(context, snapshot, &surface, &features)?;
+    let mut layout = mapped_step(context, snapshot, surface, features, partition)?;
+    while let Some(left) = snapshot.patch_edits.get(layout.edits.len()..).filter(|left| !left.is_empty()) {
+        let edited = edits::edits_step(context, snapshot, &layout, left)?;
+        let Layout { surface, features, edits, resplit, .. } = layout;
+        let edits = [edits, edited.edits.clone()].concat();
+        let mapped = mapped_step(context, snapshot, surface, features, edited)?;
+        layout = Layout { resplit: resplit + mapped.resplit, edits, ..mapped };
+    }
+    Ok(layout)
+}
+
+/// A partition all of whose patches have a chart or a specification that gives none. A patch with a specification of its own is never
+/// split, nor is one whose named method is refused: what is wrong is kept beside the others, so that it can be named and mended.
+fn mapped_step(
+    context: &Context<'_>,
+    snapshot: &Snapshot,
+    surface: Surface,
+    features: Stored<Features>,
+    mut partition: Stored<Partition>,
+) -> Step<Layout> {
     let mut resplit = 0;
     for _ in 0..=MAX_RESPLITS {
         let cut = cut_step(context, snapshot, &surface, &features, &partition)?;
@@ -175,7 +207,7 @@ pub(super) fn layout_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<La
             .map(|p| p as u32)
             .collect();
         if failing.is_empty() {
-            return Ok(Layout { surface, features, partition, cut, patches, charts, resplit });
+            return Ok(Layout { surface, features, partition, cut, patches, charts, resplit, edits: Vec::new() });
         }
         resplit += failing.len() as u32;
         let key = StageKey::new(Stage::Partition, |f| {
@@ -446,12 +478,19 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
     let tree = tree.map_err(below)?;
     let assembled = assembly_step(context, &charts, &meshes).map_err(below)?;
     let spec = &snapshot.optimize;
+    let freedom = RegionFreedom::new(&charts.features.compounds, snapshot.features.region_borders);
     let key = StageKey::new(Stage::Optimize, |f| {
         f.fingerprint(charts.surface.imported.output).fingerprint(assembled.output).fingerprint(sizes.output).text(&format!("{spec:?}"));
+        if !freedom.is_none() {
+            f.u32s(&freedom.groups());
+        }
     });
     let input = &charts.surface.imported.mesh;
     let result = context.stage(key, Subject::Surface, |work| {
-        optimize_surface(input, &tree.value.output, &assembled, Interiors::Optimized, &sizes, spec, work)
+        let mut result = optimize_surface(input, &tree.value.output, &assembled, Interiors::Optimized, &sizes, spec, work)?;
+        let (mesh, fixed) = (&mut result.mesh, &result.curve_edges);
+        result.lost_regions = assign_regions(input, &tree.value.output, mesh, fixed, freedom, work)?;
+        Ok(result)
     })?;
     Ok(Remesh { charts, sizes, assembled, result })
 }
@@ -495,64 +534,4 @@ fn search_tree_step(context: &Context<'_>, imported: &Stored<Imported>) -> Step<
         let tree = TriangleBvh::build(&mesh.positions, &mesh.triangles);
         Ok(Kept { bytes: tree.bytes(), output: tree, of })
     })
-}
-
-pub(super) fn quality_step(context: &Context<'_>, remesh: &Remesh, scope: QualityScope) -> Step<Stored<QualityReport>> {
-    let surface = &remesh.charts.surface;
-    let tree = search_tree_step(context, &surface.imported)?;
-    let key = StageKey::new(Stage::Quality, |f| {
-        f.fingerprint(surface.imported.output).fingerprint(remesh.assembled.output).fingerprint(remesh.result.output);
-        f.fingerprint(remesh.sizes.output).u64(scope as u64);
-    });
-    context.stage(key, Subject::Surface, |work| {
-        let (output, assembled) = (&remesh.result.mesh, &remesh.assembled);
-        let target = |positions: &[Vec3]| match remesh.sizes.uniform {
-            Some(size) => Ok(TargetSize::Uniform(size)),
-            None => sizes_at(surface, &tree.value.output, &remesh.sizes, positions).map(TargetSize::PerVertex),
-        };
-        let (size, size_before) = (target(&output.positions)?, target(&assembled.positions)?);
-        let before = Patched {
-            positions: &assembled.positions,
-            triangles: &assembled.triangles,
-            face_patch: &assembled.face_patch,
-            curve_edges: &assembled.curve_edges,
-        };
-        let after = Patched::of(output, &remesh.result.face_patch, &remesh.result.curve_edges);
-        let seams = SeamQuality { before: measure_seams(&before, &size_before), after: measure_seams(&after, &size) };
-        let report = measure_quality(&surface.imported.mesh, &tree.value.output, output, Some(&size), scope, work)?;
-        Ok(QualityReport { seams: Some(seams), ..report })
-    })
-}
-
-/// The size field at points near the input, linear on the input face below each.
-fn sizes_at(surface: &Surface, tree: &TriangleBvh, sizes: &SizeField, points: &[Vec3]) -> Result<Vec<f64>> {
-    let input = &surface.imported.mesh;
-    let at = |point: &Vec3| {
-        let hit = tree.closest(*point).ok_or_else(|| EngineError::invariant("the search tree is empty"))?;
-        let [a, b, c] = input.corners(hit.face as usize);
-        let [i, j, k] = input.triangles[hit.face as usize].map(|v| sizes.vertex_size[v as usize]);
-        let weight = |p, q| crate::vector::triangle_area(p, q, hit.position);
-        let (wa, wb, wc) = (weight(b, c), weight(c, a), weight(a, b));
-        let sum = wa + wb + wc;
-        Ok(if sum > 0.0 { (wa * i + wb * j + wc * k) / sum } else { i })
-    };
-    points.iter().map(at).collect()
-}
-
-pub(super) fn compare_step(
-    context: &Context<'_>,
-    input: (&MeshSource, &ImportOptions),
-    output: (&MeshSource, &ImportOptions),
-    size: Option<f64>,
-    scope: QualityScope,
-) -> Step<Stored<QualityReport>> {
-    let before = import_source_step(context, input.0, input.1)?;
-    let after = import_source_step(context, output.0, output.1)?;
-    let tree = search_tree_step(context, &before)?;
-    let key = StageKey::new(Stage::Quality, |f| {
-        f.text("compare").fingerprint(before.output).fingerprint(after.output).option_f64(size).u64(scope as u64);
-    });
-    let target = size.map(TargetSize::Uniform);
-    context
-        .stage(key, Subject::Surface, |work| measure_quality(&before.mesh, &tree.value.output, &after.mesh, target.as_ref(), scope, work))
 }
