@@ -87,14 +87,12 @@ impl<E: Fn(u32) -> bool, F: Fn(u32) -> bool> Field<'_, E, F> {
         let turn_in_face = |way: &Way| if way.inside { angle(tip(way.halfedge), way.toward) } else { 0.0 };
         let within_face = from.halfedge == to.halfedge && to.inside && turn_in_face(&from) < turn_in_face(&to);
         let mut at = from.halfedge;
-        while !within_face {
+        let mut arrived = within_face;
+        while !arrived {
             at = self.turned(at)?;
-            if at == to.halfedge && !to.inside {
-                break;
-            }
-            between.push(at);
-            if at == to.halfedge {
-                break;
+            arrived = at == to.halfedge;
+            if !arrived || to.inside {
+                between.push(at);
             }
             if between.len() > MOST_EDGES {
                 return None;
@@ -138,7 +136,7 @@ impl<E: Fn(u32) -> bool, F: Fn(u32) -> bool> Field<'_, E, F> {
 
     /// The path led around the vertices where it bends, not yet drawn tight; `None` if there is none to go around.
     pub(super) fn turned_around(&self, path: &[Node], which: Turn) -> Option<Vec<Node>> {
-        let chosen = |i: usize| which == Turn::All || (i % 2 == 0) == (which == Turn::Even);
+        let chosen = |i: usize| which == Turn::All || i.is_multiple_of(2) == (which == Turn::Even);
         let last = path.len().checked_sub(1)?;
         let mut around: Vec<Option<(bool, Vec<u32>)>> =
             (0..path.len()).map(|i| if i > 0 && i < last && chosen(i) { self.around(path, i) } else { None }).collect();

@@ -81,8 +81,8 @@ impl Split {
         let lost = || EngineError::invariant("two nodes of a border share no face");
         match nodes {
             [Node::Vertex(_), Node::Vertex(_)] => Ok(()),
-            [Node::Vertex(_), Node::Crossing { halfedge, .. }] => self.from_corner(halfedge, b),
-            [Node::Crossing { halfedge, .. }, Node::Vertex(_)] => self.from_corner(topology.twin(halfedge).ok_or_else(lost)?, a),
+            [Node::Vertex(_), Node::Crossing { halfedge, .. }] => self.split_at_corner(halfedge, b),
+            [Node::Crossing { halfedge, .. }, Node::Vertex(_)] => self.split_at_corner(topology.twin(halfedge).ok_or_else(lost)?, a),
             [Node::Crossing { halfedge: g, .. }, Node::Crossing { halfedge: h, .. }] => {
                 let t = topology.twin(g).ok_or_else(lost)?;
                 if topology.next(t) == h { self.corner_off(t, a, b) } else { self.corner_off(h, b, a) }
@@ -91,7 +91,7 @@ impl Split {
     }
 
     /// From the corner opposite of `h` to point `m` on `h`.
-    fn from_corner(&mut self, h: u32, m: u32) -> Result<()> {
+    fn split_at_corner(&mut self, h: u32, m: u32) -> Result<()> {
         let f = self.untouched(h / 3)?;
         let (k, t) = (h as usize % 3, self.mesh.triangles[f]);
         let [p, q, r] = [t[k], t[(k + 1) % 3], t[(k + 2) % 3]];

@@ -10,8 +10,8 @@ use crate::error::Result;
 use crate::vector::{Vec3, area_vector_twice, distance, kappa, lerp};
 use crate::work::Work;
 
-/// A vertex of the input is on a crest or tip if a face at it has a lower cosine with its normal: 35 degrees.
-const SHARP: f64 = 0.82;
+/// A vertex of the input is on a crest or tip if a face at it has a lower cosine with its normal: 26 degrees.
+const SHARP: f64 = 0.9;
 /// Farther than this part of the input's diagonal is lost,
 const LOST: f64 = 0.003;
 /// within these bounds in local sizes.

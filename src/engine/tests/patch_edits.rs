@@ -80,30 +80,22 @@ fn an_edit_runs_the_patches_that_changed_and_undo_runs_nothing() {
     assert_eq!(ran(&records, Stage::Chart), BTreeSet::new(), "the edit left its charts in the cache");
     // Meshed again: the new patches and neighbours, whose border has a new junction.
     let after = layout(&engine, &session);
+    let (topology, label) = match &after.cut {
+        Some(cut) => (&cut.topology, &cut.partition.face_patch),
+        None => (&*after.surface.topology, &after.partition.face_patch),
+    };
+    let beside = |v: u32| topology.outgoing(v).any(|k| made.contains(&label[k as usize / 3]));
     let curves = |p: u32| after.patches.uses[p as usize].iter().map(|u| u.curve).collect::<BTreeSet<u32>>();
     let touched: BTreeSet<u32> = after
         .patches
         .network
         .curves
         .iter()
-        .filter(|c| {
-            let ends = [c.halfedges[0], c.halfedges[c.halfedges.len() - 1]];
-            ends.iter().any(|&h| {
-                after
-                    .surface
-                    .topology
-                    .outgoing(after.surface.topology.origin(h))
-                    .any(|k| made.contains(&after.partition.face_patch[k as usize / 3]))
-            }) || ends.iter().any(|&h| {
-                after
-                    .surface
-                    .topology
-                    .outgoing(after.surface.topology.target(h))
-                    .any(|k| made.contains(&after.partition.face_patch[k as usize / 3]))
-            })
-        })
         .enumerate()
-        .map(|(_, c)| after.patches.network.curves.iter().position(|d| d.halfedges == c.halfedges).unwrap() as u32)
+        .filter(|(_, c)| {
+            [c.halfedges[0], c.halfedges[c.halfedges.len() - 1]].iter().any(|&h| beside(topology.origin(h)) || beside(topology.target(h)))
+        })
+        .map(|(i, _)| i as u32)
         .collect();
     let planar = ran(&records, Stage::Planar);
     assert!(planar.is_superset(&made) && planar.len() < after.patches.patches.len() / 2, "{planar:?}");

@@ -40,15 +40,17 @@ fn partition(shared: &Shared, run: &Run<'_>, target: &Target, with_charts: bool)
     let snapshot = &target.snapshot;
     // Edits are of patches after all splits that charts ask for.
     let with_charts = with_charts || !snapshot.patch_edits.is_empty();
-    let (records, parted, states) = if with_charts {
+    let (records, parted, boxes, states) = if with_charts {
         let Answer { value, records } = pipeline::layout(&shared.engine, snapshot, run)?;
-        let Layout { surface, features, partition, cut, edits, .. } = value;
-        (records, Partitioned { surface, features, partition, cut }, edits)
+        let Layout { surface, features, partition, cut, patches, edits, .. } = value;
+        let boxes = patches.patches.iter().map(|(patch, ..)| patch.box_aspect_ratio()).collect();
+        (records, Partitioned { surface, features, partition, cut }, boxes, edits)
     } else {
         let Answer { value, records } = pipeline::partition(&shared.engine, snapshot, run)?;
-        (records, value, Vec::new())
+        let boxes = value.box_aspect_ratios(run)?;
+        (records, value, boxes, Vec::new())
     };
-    let numbered = parted.summaries().iter().zip(parted.box_aspect_ratios(run)?).enumerate();
+    let numbered = parted.summaries().iter().zip(boxes).enumerate();
     let patches = numbered.map(|(number, (patch, ratio))| to_proto::patch_summary(number, patch, ratio)).collect();
     let (strategy, plane) = to_proto::strategy(parted.partition.strategy);
     let compounds = parted.features.compounds.list.iter().map(|c| patches::compound(&parted.surface.imported.mesh, c)).collect();

@@ -101,7 +101,9 @@ async fn edits_that_cannot_be_are_refused() {
     assert_refused(reassign(&daemon, &session, &[], 0).await, Code::InvalidArgument, "BAD_PARAMETER");
     assert_refused(reassign(&daemon, &session, &[1], count).await, Code::NotFound, "PATCH_NOT_FOUND");
     // All faces of the surface to one patch: the others are left without.
-    let all: Vec<u32> = (0..patches.iter().map(|p| p.faces).sum()).collect();
+    let request = v1::GetSessionRequest { name: session.clone() };
+    let state = daemon.sessions().get_session(request).await.expect("session").into_inner().session.expect("session");
+    let all: Vec<u32> = (0..state.mesh.expect("mesh").faces as u32).collect();
     assert_refused(reassign(&daemon, &session, &all, 0).await, Code::FailedPrecondition, "PATCH_TOPOLOGY");
     // A bound that no union keeps.
     let tight = v1::PartitionSpec { patches: Some(6), max_aspect_ratio: Some(0.5), ..Default::default() };
