@@ -134,7 +134,7 @@ async fn every_strategy_can_be_asked_for_and_is_told() {
         daemon.change(&session, None, change(spec)).await.expect("change");
         let told = partition(&daemon, &session).await;
         if strategy == Strategy::Auto {
-            assert!(told.strategy() != Strategy::Auto && told.reason.contains("handles"), "{}", told.reason);
+            assert!(told.strategy() != Strategy::Auto && told.reason.contains("patches"), "{}", told.reason);
             continue;
         }
         assert_eq!(told.strategy(), strategy);
