@@ -167,8 +167,7 @@ fn apply(
     let features = Features { is_feature, corners: features.corners.clone(), compounds: features.compounds.clone() };
     let sides: Vec<[u32; 2]> = borders.iter().map(|border| sides(topology, partition, border)).collect();
     let Some(face_patch) = labels(&new, &features, partition, &split, &sides) else { return Ok(None) };
-    let mut patches = summarize_patches(&split.mesh, &new, &features, &face_patch);
-    patches.iter_mut().zip(&partition.patches).for_each(|(after, before)| after.origin = before.origin);
+    let patches = summarize_patches(&split.mesh, &new, &features, &face_patch);
     let partition = Partition { face_patch, patches, ..partition.clone() };
     let Split { mesh, new_vertices, face_origin, .. } = split;
     Ok(Some(CutSurface { mesh, topology: new, features, partition, new_vertices, face_origin, border_length: [0.0; 2] }))

@@ -64,8 +64,8 @@ pub struct Partitioned {
 
 impl Partitioned {
     /// The patches as they are mapped.
-    pub fn summaries(&self) -> &[PatchSummary] {
-        self.cut.as_ref().map_or(&self.partition.patches, |cut| &cut.partition.patches)
+    pub fn summaries(&self) -> Vec<PatchSummary> {
+        mapped_summaries(&self.partition, self.cut.as_deref())
     }
 
     /// Aspect ratio of each patch by oriented boxes.
@@ -123,10 +123,16 @@ pub struct Layout {
     pub edits: Vec<EditState>,
 }
 
+/// Measures of the patches after the cut; how they came about is known before it only: equal partitions share one cut.
+fn mapped_summaries(partition: &Partition, cut: Option<&CutSurface>) -> Vec<PatchSummary> {
+    let measured = cut.map_or(&partition.patches, |cut| &cut.partition.patches);
+    measured.iter().zip(&partition.patches).map(|(after, before)| PatchSummary { origin: before.origin, ..after.clone() }).collect()
+}
+
 impl Layout {
     /// The patches as they are mapped: with straight borders their numbers are those of the split surface.
-    pub fn summaries(&self) -> &[PatchSummary] {
-        self.cut.as_ref().map_or(&self.partition.patches, |cut| &cut.partition.patches)
+    pub fn summaries(&self) -> Vec<PatchSummary> {
+        mapped_summaries(&self.partition, self.cut.as_deref())
     }
 
     /// # Errors

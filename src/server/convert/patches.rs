@@ -98,9 +98,10 @@ pub(crate) fn reassign(engine: &Engine, request: &v1::ReassignFacesRequest) -> R
 
 /// Numbers of the listed patches of a layout.
 pub(crate) fn summaries(layout: &Layout, listed: &[u32]) -> Vec<v1::PatchSummary> {
+    let all = layout.summaries();
     let summary = |&p: &u32| {
         let (patch, _, _) = layout.patches.patches.get(p as usize)?;
-        Some(to_proto::patch_summary(p as usize, layout.summaries().get(p as usize)?, patch.box_aspect_ratio()))
+        Some(to_proto::patch_summary(p as usize, all.get(p as usize)?, patch.box_aspect_ratio()))
     };
     listed.iter().filter_map(summary).collect()
 }

@@ -50,7 +50,8 @@ fn partition(shared: &Shared, run: &Run<'_>, target: &Target, with_charts: bool)
         let boxes = value.box_aspect_ratios(run)?;
         (records, value, boxes, Vec::new())
     };
-    let numbered = parted.summaries().iter().zip(boxes).enumerate();
+    let summaries = parted.summaries();
+    let numbered = summaries.iter().zip(boxes).enumerate();
     let patches = numbered.map(|(number, (patch, ratio))| to_proto::patch_summary(number, patch, ratio)).collect();
     let (strategy, plane) = to_proto::strategy(parted.partition.strategy);
     let compounds = parted.features.compounds.list.iter().map(|c| patches::compound(&parted.surface.imported.mesh, c)).collect();

@@ -211,7 +211,7 @@ fn a_log_means_faces_not_numbers_and_waits_for_its_patches() {
         let across = case.topology.twin(h).map(|t| three.face_patch[t as usize / 3]);
         fenced.features.is_feature[h as usize] |= across.is_some_and(|p| p != three.face_patch[h as usize / 3]);
     }
-    assert_eq!(case.replay(&three, &[merge.clone()]).edits, [EditState::Applied]);
+    assert_eq!(case.replay(&three, std::slice::from_ref(&merge)).edits, [EditState::Applied]);
     assert!(matches!(&fenced.replay(&three, &[merge]).edits[..], [EditState::Waiting(why)] if why.contains("feature edges")));
 }
 
