@@ -8,6 +8,7 @@ mod smooth;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use normals::tangents;
 pub use sectors::Sectors;
 
 use crate::error::Result;

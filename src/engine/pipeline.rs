@@ -20,7 +20,7 @@ use crate::partition::Partition;
 use crate::planar::LiftedPatch;
 use crate::quality::{QualityReport, QualityScope};
 use crate::session::{MeshSource, Snapshot};
-use crate::sizing::{SizeField, SizeSpec};
+use crate::sizing::{SizeBase, SizeField, SizeSpec};
 use crate::stage::{StageRecord, Stored};
 use crate::topology::Topology;
 use crate::vector::Vec2;
@@ -159,7 +159,19 @@ impl Remesh {
         if let Some(count) = self.result.crossing_faces.filter(|&count| count > 0) {
             warnings.push(format!("{count} faces of the result intersect others; a smaller size follows narrow places more closely"));
         }
-        if let Some(SizeSpec::TriangleCount { triangles }) = snapshot.size {
+        let asked = match &snapshot.size {
+            Some(SizeSpec::TriangleCount { triangles }) => Some(*triangles),
+            Some(SizeSpec::Composed(composed)) => match composed.base {
+                SizeBase::Triangles(triangles) => Some(triangles),
+                SizeBase::Uniform(_) | SizeBase::MaxSize => None,
+            },
+            _ => None,
+        };
+        if self.sizes.fields_scaled_by > 1.0 {
+            let factor = self.sizes.fields_scaled_by;
+            warnings.push(format!("the size fields ask for more triangles than that: they were made larger by {factor:.3}"));
+        }
+        if let Some(triangles) = asked {
             let made = self.result.mesh.triangles.len() as u64;
             if made * 2 > triangles * 3 || made * 3 < triangles * 2 {
                 warnings.push(format!(

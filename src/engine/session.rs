@@ -257,7 +257,10 @@ impl Session {
                 Change::Partition(spec) => next.partition = spec.clone(),
                 Change::Chart(spec) => next.chart = session_wide(spec)?,
                 Change::PatchChart { patch, spec } => set_patch_chart(&mut next, *patch, spec.as_ref())?,
-                Change::Size(spec) => next.size = Some(spec.clone()),
+                Change::Size(spec) => {
+                    spec.validate()?;
+                    next.size = Some(spec.clone());
+                }
                 Change::Mesher(mesher) => next.mesher = *mesher,
                 Change::Optimize(spec) => next.optimize = spec.clone(),
                 Change::Rollback(revision) => {

@@ -20,7 +20,7 @@ const HOLD: f64 = 1e-3;
 const FARTHEST: f64 = 0.5;
 
 /// Two unit vectors that make a right-handed frame with the unit vector `n`.
-pub(super) fn tangents(n: Vec3) -> (Vec3, Vec3) {
+pub(crate) fn tangents(n: Vec3) -> (Vec3, Vec3) {
     let axis = (0..3).fold(0, |best, k| if n[k].abs() < n[best].abs() { k } else { best });
     let mut e = [0.0; 3];
     e[axis] = 1.0;

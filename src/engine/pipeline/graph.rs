@@ -1,6 +1,10 @@
 //! The one file that ties stage functions to stage keys, in the order of the pipeline. In a plan, a stage that is not cached is
 //! recorded as "will run" and nothing below it is looked at.
 
+mod sizes;
+
+pub(super) use sizes::size_step;
+
 use super::context::{Context, Halt, Step};
 use super::kept::Kept;
 use super::naming::{on_surface, refusal};
@@ -25,9 +29,10 @@ use crate::planar::{CurveUse, LiftedPatch, PlanarMesh, VertexOrigin, lift, mesh_
 use crate::quality::{QualityReport, QualityScope, TargetSize, measure_quality};
 use crate::sample;
 use crate::session::{MeshSource, Snapshot};
-use crate::sizing::{SizeField, evaluate_size};
+use crate::sizing::SizeField;
 use crate::stage::{Stage, StageKey, Stored, Subject};
 use crate::topology::Topology;
+
 use std::sync::Arc;
 
 /// Largest number of times patches without a usable chart are split.
@@ -295,18 +300,6 @@ fn system_step(context: &Context<'_>, patches: &PatchSet, p: usize) -> Step<Stor
         let factor = plan_system(patch, work)?;
         Ok(Kept { bytes: factor.bytes(), output: factor, of })
     })
-}
-
-pub(super) fn size_step(context: &Context<'_>, snapshot: &Snapshot, charts: &Charts) -> Step<Stored<SizeField>> {
-    let spec = snapshot.size.as_ref().ok_or_else(|| {
-        EngineError::bad_parameter("size", "no size is set")
-            .with_hint("set a uniform size, a triangle count, per-vertex sizes or a graded field")
-    })?;
-    let key = StageKey::new(Stage::Size, |f| {
-        f.fingerprint(charts.surface.imported.output).fingerprint(charts.features.output).text(&format!("{spec:?}"));
-    });
-    let surface = &charts.surface;
-    context.stage(key, Subject::Surface, |work| evaluate_size(&surface.imported.mesh, &surface.topology, &charts.features, spec, work))
 }
 
 /// Lifted meshes of patches and the curve meshes they share.
