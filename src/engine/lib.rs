@@ -22,6 +22,7 @@ pub mod topology;
 
 pub mod curve;
 pub mod features;
+pub mod lock;
 pub mod partition;
 pub mod patch;
 

@@ -282,6 +282,28 @@ pub fn plan_preview(engine: &Engine, snapshot: &Snapshot, patch: u32, spec: &Cha
     })
 }
 
+/// The wanted edge length at each vertex of the input, with the charts that patches are named by.
+///
+/// # Errors
+/// Those of [`charts`] and of [`crate::sizing::evaluate_size`]; [`Reason::BadParameter`] if no size is set.
+pub fn sizes(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Answer<Stored<SizeField>>> {
+    Context::execute(engine, run, |context| {
+        let charts = graph::charts_step(context, snapshot)?;
+        graph::size_step(context, snapshot, &charts)
+    })
+}
+
+/// The wanted edge length at each vertex of the result, linear on the input face below it. As dear as [`remesh`], and O(T log F).
+///
+/// # Errors
+/// Those of [`remesh`].
+pub fn sizes_of_result(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Answer<Vec<f64>>> {
+    Context::execute(engine, run, |context| {
+        let remesh = graph::remesh_step(context, snapshot)?;
+        graph::result_sizes(context, &remesh)
+    })
+}
+
 /// Remeshes the listed patches only, up to their lifted meshes (neighbours stay conforming: curves are shared).
 ///
 /// # Errors

@@ -5,6 +5,7 @@ use crate::error::{EngineError, Reason, Result};
 use crate::features::FeatureSpec;
 use crate::fingerprint::{Contents, Feeder, Fingerprint};
 use crate::import::ImportOptions;
+use crate::lock::LockSpec;
 use crate::mesh::SurfaceMesh;
 use crate::optimize::OptimizeSpec;
 use crate::parametrize::ChartSpec;
@@ -98,6 +99,8 @@ pub struct Snapshot {
     pub patch_charts: Arc<BTreeMap<Fingerprint, ChartSpec>>,
     /// Which sizes are wanted; `None` until set: sizes are never guessed.
     pub size: Option<SizeSpec>,
+    /// Which boundary vertices stay.
+    pub lock: LockSpec,
     /// The planar mesher.
     pub mesher: Mesher,
     /// How far to optimise.
@@ -115,6 +118,7 @@ impl Snapshot {
             chart: ChartSpec::default(),
             patch_charts: Arc::default(),
             size: None,
+            lock: LockSpec::default(),
             mesher: Mesher::default(),
             optimize: OptimizeSpec::default(),
         }
@@ -146,6 +150,8 @@ pub enum Change {
     },
     /// Replace the size specification.
     Size(SizeSpec),
+    /// Replace which boundary vertices stay.
+    Lock(LockSpec),
     /// Replace the planar mesher.
     Mesher(Mesher),
     /// Replace the optimisation specification.
@@ -261,6 +267,7 @@ impl Session {
                     spec.validate()?;
                     next.size = Some(spec.clone());
                 }
+                Change::Lock(spec) => next.lock = spec.clone(),
                 Change::Mesher(mesher) => next.mesher = *mesher,
                 Change::Optimize(spec) => next.optimize = spec.clone(),
                 Change::Rollback(revision) => {

@@ -16,6 +16,7 @@ pub use spec::{
 use crate::error::{EngineError, Reason, Result};
 use crate::features::Features;
 use crate::fingerprint::{Contents, Feeder, Fingerprint};
+use crate::lock::{LockSpec, locked_sizes, locked_vertices};
 use crate::mesh::SurfaceMesh;
 use crate::topology::Topology;
 use crate::vector::{angle_between, area_vector_twice, distance};
@@ -33,11 +34,13 @@ pub struct SizeField {
     pub uniform: Option<f64>,
     /// By what the fields were multiplied to meet a number of triangles ([`SizeBase::Triangles`]); 1 if they were taken as they are.
     pub fields_scaled_by: f64,
+    /// For each vertex whether it is locked; empty if none is.
+    pub locked: Vec<bool>,
 }
 
 impl Default for SizeField {
     fn default() -> Self {
-        SizeField { vertex_size: Vec::new(), uniform: None, fields_scaled_by: 1.0 }
+        SizeField { vertex_size: Vec::new(), uniform: None, fields_scaled_by: 1.0, locked: Vec::new() }
     }
 }
 
@@ -46,7 +49,12 @@ impl SizeField {
     pub fn new(vertex_size: Vec<f64>) -> SizeField {
         let first = vertex_size.first().copied();
         let uniform = first.filter(|f| vertex_size.iter().all(|s| s == f));
-        SizeField { vertex_size, uniform, fields_scaled_by: 1.0 }
+        SizeField { vertex_size, uniform, ..SizeField::default() }
+    }
+
+    /// Feeds which vertices are locked.
+    pub fn feed_locked(&self, into: &mut Feeder) {
+        into.raw(&self.locked.iter().map(|&l| u8::from(l)).collect::<Vec<u8>>());
     }
 }
 
@@ -67,10 +75,11 @@ pub struct SizeInput<'a> {
 impl Contents for SizeField {
     fn feed(&self, into: &mut Feeder) {
         into.f64s(&self.vertex_size);
+        self.feed_locked(into);
     }
 
     fn bytes(&self) -> usize {
-        self.vertex_size.len() * 8
+        self.vertex_size.len() * 8 + self.locked.len()
     }
 }
 
@@ -142,6 +151,35 @@ fn clamped(sizes: &[f64], count: usize, low: Option<f64>, high: Option<f64>) -> 
     let high = high.map_or(Ok(f64::INFINITY), |h| positive("per_vertex.max_size", h))?;
     ordered(low, high)?;
     Ok(sizes.iter().map(|s| s.clamp(low, high)).collect())
+}
+
+/// The ratio of lengths of neighbouring elements next to locked edges, if the specification names none.
+pub const GROWTH_AT_LOCKED_EDGES: f64 = 1.3;
+
+/// The field with locked vertices: at those whose boundary edges stay, the length is that of the edges; from there it grows by
+/// `growth_rate` (default [`GROWTH_AT_LOCKED_EDGES`]). Bounds do not hold there.
+///
+/// # Errors
+/// Those of [`locked_vertices`]; [`Reason::LimitReached`] as in [`evaluate_size`].
+pub fn with_locked(
+    mesh: &SurfaceMesh,
+    topology: &Topology,
+    field: SizeField,
+    lock: &LockSpec,
+    growth_rate: Option<f64>,
+    work: &Work<'_>,
+) -> Result<SizeField> {
+    let locked = locked_vertices(mesh, topology, lock)?;
+    if !locked.contains(&true) {
+        return Ok(field);
+    }
+    let mut vertex_size = field.vertex_size;
+    for (size, own) in vertex_size.iter_mut().zip(locked_sizes(mesh, topology, &locked)) {
+        *size = own.unwrap_or(*size);
+    }
+    limit_growth(mesh, topology, &mut vertex_size, slope("growth_rate", growth_rate.unwrap_or(GROWTH_AT_LOCKED_EDGES))?, work)?;
+    check_count(mesh, &vertex_size)?;
+    Ok(SizeField { locked, fields_scaled_by: field.fields_scaled_by, ..SizeField::new(vertex_size) })
 }
 
 /// About how many triangles a field asks for: the integral of ds / (sqrt(3)/4 size^2), by the midpoints of the sides of each face.

@@ -192,6 +192,9 @@ impl<'a> State<'a> {
 
     /// Splits an edge at its middle (projected, off curves), unless the surface would fold.
     pub(super) fn try_split(&mut self, h: u32) -> Option<u32> {
+        if self.mesh.is_locked(h) {
+            return None;
+        }
         let (a, b) = (self.mesh.from(h), self.mesh.to(h));
         let (pa, pb) = (self.mesh.at(a), self.mesh.at(b));
         let at = lerp(pa, pb, 0.5);

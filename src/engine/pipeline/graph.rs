@@ -331,7 +331,7 @@ pub(super) fn lifted_step(context: &Context<'_>, snapshot: &Snapshot, charts: &C
 fn curve_step(context: &Context<'_>, charts: &Charts, sizes: &SizeField, c: usize) -> Step<Stored<CurveMesh>> {
     let surface = &charts.surface;
     let curve = &charts.patches.network.curves[c];
-    let polyline: CurvePolyline = curve_polyline(&surface.imported.mesh, &surface.topology, curve, &sizes.vertex_size);
+    let polyline: CurvePolyline = curve_polyline(&surface.imported.mesh, &surface.topology, curve, &sizes.vertex_size, &sizes.locked);
     let key = StageKey::new(Stage::Curve, |f| polyline.feed(f));
     context.stage(key, Subject::Curve(c as u32), |work| mesh_curve(&polyline, work))
 }
@@ -389,7 +389,7 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
     let all: Vec<u32> = (0..charts.charts.len() as u32).collect();
     let meshes = lifted_step(context, snapshot, &charts, &sizes, &all).map_err(below)?;
     let tree = tree.map_err(below)?;
-    let assembled = assembly_step(context, &charts, &meshes).map_err(below)?;
+    let assembled = assembly_step(context, &charts, &sizes, &meshes).map_err(below)?;
     let spec = &snapshot.optimize;
     let key = StageKey::new(Stage::Optimize, |f| {
         f.fingerprint(charts.surface.imported.output).fingerprint(assembled.output).fingerprint(sizes.output).text(&format!("{spec:?}"));
@@ -400,9 +400,10 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
     Ok(Remesh { charts, sizes, result })
 }
 
-fn assembly_step(context: &Context<'_>, charts: &Charts, meshes: &Lifted) -> Step<Stored<Assembled>> {
+fn assembly_step(context: &Context<'_>, charts: &Charts, sizes: &SizeField, meshes: &Lifted) -> Step<Stored<Assembled>> {
     let key = StageKey::new(Stage::Assembly, |f| {
         f.fingerprint(charts.patches.output).fingerprint(charts.features.output);
+        sizes.feed_locked(f);
         for lifted in &meshes.lifted {
             f.fingerprint(lifted.output);
         }
@@ -414,7 +415,8 @@ fn assembly_step(context: &Context<'_>, charts: &Charts, meshes: &Lifted) -> Ste
             .map(|p| (Arc::new(with_network_numbers(&meshes.lifted[p], &charts.patches.uses[p])), &*charts.patches.patches[p].2))
             .collect();
         let surface = &charts.surface;
-        assemble(&surface.imported.mesh, &surface.topology, &charts.features.corners, &charts.patches.network, &curve_meshes, &numbered)
+        let (mesh, topology, corners) = (&surface.imported.mesh, &surface.topology, &charts.features.corners);
+        assemble(mesh, topology, corners, &sizes.locked, &charts.patches.network, &curve_meshes, &numbered)
     })
 }
 
@@ -455,6 +457,13 @@ pub(super) fn quality_step(context: &Context<'_>, remesh: &Remesh, scope: Qualit
         };
         measure_quality(&surface.imported.mesh, &tree.value.output, output, Some(&target), scope, work)
     })
+}
+
+/// The size field at the vertices of a result.
+pub(super) fn result_sizes(context: &Context<'_>, remesh: &Remesh) -> Step<Vec<f64>> {
+    let surface = &remesh.charts.surface;
+    let tree = search_tree_step(context, &surface.imported)?;
+    Ok(sizes_on_output(surface, &tree.value.output, &remesh.sizes, &remesh.result.mesh)?)
 }
 
 /// The size field at the vertices of the output, linear on the input face below each.

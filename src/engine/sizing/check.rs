@@ -142,24 +142,24 @@ impl ShapeSize {
         self.growth_rate.map_or(Ok(0.0), |rate| slope(&at("growth_rate"), rate))?;
         match self.shape {
             Shape::Box { low, high } => {
-                finite(&at("low"), low)?;
-                finite(&at("high"), high)?;
+                finite(&at("box.low"), low)?;
+                finite(&at("box.high"), high)?;
                 if (0..3).any(|k| low[k] > high[k]) {
-                    return Err(EngineError::bad_parameter(&at("low"), "lies above `high` in a coordinate"));
+                    return Err(EngineError::bad_parameter(&at("box.low"), "lies above `high` in a coordinate"));
                 }
                 Ok(())
             }
             Shape::Sphere { center, radius } => {
-                finite(&at("center"), center)?;
-                positive(&at("radius"), radius).map(drop)
+                finite(&at("sphere.center"), center)?;
+                positive(&at("sphere.radius"), radius).map(drop)
             }
             Shape::Cylinder { start, end, radius } => {
-                finite(&at("start"), start)?;
-                finite(&at("end"), end)?;
+                finite(&at("cylinder.start"), start)?;
+                finite(&at("cylinder.end"), end)?;
                 if start == end {
-                    return Err(EngineError::bad_parameter(&at("end"), "must not be `start`"));
+                    return Err(EngineError::bad_parameter(&at("cylinder.end"), "must not be `start`"));
                 }
-                positive(&at("radius"), radius).map(drop)
+                positive(&at("cylinder.radius"), radius).map(drop)
             }
         }
     }
@@ -178,8 +178,8 @@ impl DistanceSize {
                 points.iter().try_for_each(|p| finite(&at("points"), *p))
             }
             DistanceSource::Polylines(lines) => {
-                count(&at("lines"), lines.iter().map(Vec::len).sum())?;
-                lines.iter().flatten().try_for_each(|p| finite(&at("lines"), *p))
+                count(&at("polylines"), lines.iter().map(Vec::len).sum())?;
+                lines.iter().flatten().try_for_each(|p| finite(&at("polylines"), *p))
             }
             DistanceSource::Features | DistanceSource::Boundary => Ok(()),
         }

@@ -161,6 +161,9 @@ fn on_region(input: &SizeInput<'_>, region: &RegionChoice, size: f64, at: &dyn F
     Ok(lengths)
 }
 
+/// Edges of the result are up to about this much longer than asked for; where a distance is promised, that is allowed for.
+const LONGER: f64 = 1.2;
+
 /// Lengths on a surface of these curvatures. An edge on a circle of radius r turns its normal by the angle a if it is 2 r sin(a/2) long.
 /// A triangle of this side is off the surface by at most h^2 k/8 at its sides and h^2 (k1 + k2)/12 in its middle, to second order; the
 /// next order is allowed for by 4 d^2.
@@ -169,7 +172,7 @@ fn from_curvature(measured: &Measured, spec: &CurvatureSize) -> Vec<f64> {
     let length = |(&k, &sum): (&f64, &f64)| {
         let by_angle = chord.map_or(f64::INFINITY, |chord| chord / k);
         let by_deviation = match spec.deviation {
-            Some(d) if d * k < 1.0 => (d / (k / 8.0).max(sum / 12.0) - 4.0 * d * d).max(0.0).sqrt(),
+            Some(d) if d * k < 1.0 => (d / (k / 8.0).max(sum / 12.0) - 4.0 * d * d).max(0.0).sqrt() / LONGER,
             _ => f64::INFINITY,
         };
         by_angle.min(by_deviation)

@@ -1,7 +1,7 @@
 //! What of a field is dear to compute and depends on the surface only: kept apart, so that other lengths do not compute it again.
 
 use super::cone::{self, Cone};
-use super::spec::{SizeFieldSpec, Sides};
+use super::spec::{Sides, SizeFieldSpec};
 use crate::bvh::TriangleBvh;
 use crate::curvature::curvature;
 use crate::error::{EngineError, Result};

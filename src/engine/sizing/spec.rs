@@ -273,6 +273,16 @@ impl SizeSpec {
         }
     }
 
+    /// Its limit of growth, if it has one.
+    pub fn growth_rate(&self) -> Option<f64> {
+        match self {
+            SizeSpec::Uniform { .. } | SizeSpec::TriangleCount { .. } => None,
+            SizeSpec::PerVertex { growth_rate, .. } => *growth_rate,
+            SizeSpec::Graded { growth_rate, .. } => Some(*growth_rate),
+            SizeSpec::Composed(composed) => composed.growth_rate,
+        }
+    }
+
     /// The patches named by it.
     pub fn named_patches(&self) -> Vec<Fingerprint> {
         let SizeSpec::Composed(composed) = self else { return Vec::new() };
@@ -307,11 +317,7 @@ impl SizeFieldSpec {
             SizeFieldSpec::Proximity(_) => "proximity",
             SizeFieldSpec::Thickness { .. } => "thickness",
             SizeFieldSpec::Centerline(_) => "centerline",
-            SizeFieldSpec::Shape(ShapeSize { shape, .. }) => match shape {
-                Shape::Box { .. } => "box",
-                Shape::Sphere { .. } => "sphere",
-                Shape::Cylinder { .. } => "cylinder",
-            },
+            SizeFieldSpec::Shape(_) => "shape",
             SizeFieldSpec::Distance(_) => "distance",
         }
     }

@@ -1,5 +1,7 @@
 //! Size fields on a flat grid, against closed forms.
 
+mod fields;
+
 use super::*;
 use crate::work::CancelToken;
 

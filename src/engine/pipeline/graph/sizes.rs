@@ -4,7 +4,7 @@ use super::{Context, Step, search_tree_step};
 use crate::error::EngineError;
 use crate::pipeline::Charts;
 use crate::session::Snapshot;
-use crate::sizing::{MeasureSpec, Measured, SizeField, SizeInput, SizeSpec, evaluate_size, measure};
+use crate::sizing::{MeasureSpec, Measured, SizeField, SizeInput, SizeSpec, evaluate_size, measure, with_locked};
 use crate::stage::{Stage, StageKey, Stored, Subject};
 
 pub(in crate::pipeline) fn size_step(context: &Context<'_>, snapshot: &Snapshot, charts: &Charts) -> Step<Stored<SizeField>> {
@@ -18,6 +18,7 @@ pub(in crate::pipeline) fn size_step(context: &Context<'_>, snapshot: &Snapshot,
     let key = StageKey::new(Stage::Size, |f| {
         f.fingerprint(charts.surface.imported.output).fingerprint(charts.features.output);
         spec.feed(f);
+        f.text(&format!("{:?}", snapshot.lock));
         // Where a named patch is follows from its identity; whether it is at all does not.
         named.iter().for_each(|patch| {
             f.u64(u64::from(patches.identities.contains(patch)));
@@ -38,7 +39,8 @@ pub(in crate::pipeline) fn size_step(context: &Context<'_>, snapshot: &Snapshot,
             patch_vertices: &patch_vertices,
             measured: &measured,
         };
-        evaluate_size(&input, spec, work)
+        let field = evaluate_size(&input, spec, work)?;
+        with_locked(input.mesh, input.topology, field, &snapshot.lock, spec.growth_rate(), work)
     })
 }
 
