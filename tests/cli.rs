@@ -102,7 +102,8 @@ fn size_fields_and_locks_are_given_on_the_command_line() {
     scratch.remesh(&["sample", "tube", "--triangles", "2000", "-o", "t.off"]).ok();
     std::fs::write(scratch.path("line.txt"), "0 0 -9 0.4\n0 0 9 0.4\n\n7 7 7 0.2\n").expect("written");
     let fields = ["--field", "curvature:normal_angle=25", "--field", "centerline:elements_around=30,file=line.txt"];
-    let run = [&["run", "t.off", "-o", "out.vtu", "--triangles", "3000", "--min-size", "0.001", "--lock", "boundary"][..], &fields].concat();
+    let run =
+        [&["run", "t.off", "-o", "out.vtu", "--triangles", "3000", "--min-size", "0.001", "--lock", "boundary"][..], &fields].concat();
     let done = scratch.remesh(&run).ok();
     assert!(done.out.contains("result"), "{done:?}");
     let ball = "sphere:center=0,0,0,radius=1,size=0.1,growth_rate=1.3";

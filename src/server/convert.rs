@@ -2,5 +2,5 @@
 
 pub(crate) mod charts;
 pub(crate) mod from_proto;
-pub(crate) mod to_proto;
 pub(crate) mod sizes;
+pub(crate) mod to_proto;

@@ -4,12 +4,13 @@ mod chart;
 mod field;
 mod values;
 
-pub(crate) use field::FieldArg;
 pub(crate) use chart::{ChartAllArgs, ChartArgs, ChartOutput, ChartSpecArgs, ChartVerb, PatchOf};
+pub(crate) use field::FieldArg;
 #[cfg(test)]
 pub(crate) use values::PinArg;
 pub(crate) use values::{
-    BorderChoice, BoundaryCurve, HoleChoice, LockChoice, OuterLoop, PartitionStrategy, PinChoice, PlaneArg, SpacingChoice, names_session, session_name,
+    BorderChoice, BoundaryCurve, HoleChoice, LockChoice, OuterLoop, PartitionStrategy, PinChoice, PlaneArg, SpacingChoice, names_session,
+    session_name,
 };
 pub(crate) use values::{ChartMethod, ColourBy, Encoding, FeatureAngle, ObjRegions, ReadFormat, SampleName, Unit, Up};
 
@@ -122,8 +123,10 @@ pub(crate) struct RunArgs {
 }
 
 /// Which edge lengths are wanted, in the unit of the mesh.
-#[derive(Debug, Clone, Default, Args)]
-#[command(next_help_heading = "Size (one of --size, --triangles, --sizes, or --min-size with --max-size and --growth-rate; and any --field)")]
+#[derive(Debug, Clone, Default, PartialEq, Args)]
+#[command(
+    next_help_heading = "Size (one of --size, --triangles, --sizes, or --min-size with --max-size and --growth-rate; and any --field)"
+)]
 pub(crate) struct SizeArgs {
     /// Edge length everywhere
     #[arg(long, value_name = "LENGTH", value_parser = positive, allow_negative_numbers = true)]

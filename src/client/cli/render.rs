@@ -71,7 +71,8 @@ async fn prepare(context: &Context, args: &RenderArgs) -> Outcome<(String, Strin
         return Err(Failure::Usage("a size is for --result, --histogram or --by size; the input is drawn as it is".into()));
     }
     let session = context.temporary_session(&format!("remesh render {}", files::short_name(file))).await?;
-    let needs_soundness = needs_result || args.chart.is_some() || args.chart_on_surface || matches!(args.by, ColourBy::Patch | ColourBy::Size);
+    let needs_soundness =
+        needs_result || args.chart.is_some() || args.chart_on_surface || matches!(args.by, ColourBy::Patch | ColourBy::Size);
     if needs_soundness {
         context.import_sound(&session, file, &args.import).await?;
     } else {

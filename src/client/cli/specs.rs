@@ -7,10 +7,10 @@ pub(crate) use chart::{chart_edit, merged_chart, names_vertices};
 pub(crate) use size::{missing_size, size_choice, size_spec};
 
 use super::args::{
-    BorderChoice, ChartMethod, ChartSpecArgs, Encoding, FeatureAngle, ImportArgs, InputArgs, LockChoice, ObjRegions, PartitionStrategy, ReadFormat,
-    SampleName, SampleSpecArgs, Unit,
+    BorderChoice, ChartMethod, ChartSpecArgs, Encoding, FeatureAngle, ImportArgs, InputArgs, LockChoice, ObjRegions, PartitionStrategy,
+    ReadFormat, SampleName, SampleSpecArgs, Unit,
 };
-use super::failure::{Failure, Outcome};
+use super::failure::Outcome;
 use super::files;
 use crate::arrays::pack_u32;
 use crate::{Client, v1};

@@ -261,11 +261,9 @@ fn wire_field(field: &SizeFieldSpec) -> v1::size_field::Field {
             Field::Patch(v1::PatchSize { patch: Some(v1::patch_size::Patch::Identity(patch.to_string())), size: *size })
         }
         SizeFieldSpec::PerVertex { .. } => Field::PerVertex(v1::PackedArray::default()),
-        SizeFieldSpec::Curvature(CurvatureSize { normal_angle_deg, deviation, smoothing }) => Field::Curvature(v1::CurvatureSize {
-            normal_angle: *normal_angle_deg,
-            deviation: *deviation,
-            smoothing: Some(*smoothing),
-        }),
+        SizeFieldSpec::Curvature(CurvatureSize { normal_angle_deg, deviation, smoothing }) => {
+            Field::Curvature(v1::CurvatureSize { normal_angle: *normal_angle_deg, deviation: *deviation, smoothing: Some(*smoothing) })
+        }
         SizeFieldSpec::Proximity(ProximitySize { elements_per_gap, sides, reach }) => {
             let sides = match sides {
                 Sides::Both => v1::GapSides::Both,
@@ -281,12 +279,7 @@ fn wire_field(field: &SizeFieldSpec) -> v1::size_field::Field {
                 CenterlineMeasure::Distance => v1::CenterlineMeasure::Distance,
             };
             let points = lines.iter().flat_map(|lines| lines.iter()).map(|line| line.points.len() as u64).sum();
-            Field::Centerline(v1::CenterlineSize {
-                lines: Vec::new(),
-                measure: measure.into(),
-                elements_around: *elements_around,
-                points,
-            })
+            Field::Centerline(v1::CenterlineSize { lines: Vec::new(), measure: measure.into(), elements_around: *elements_around, points })
         }
         SizeFieldSpec::Shape(ShapeSize { shape, size, growth_rate }) => {
             use v1::shape_size::Shape as Wire;

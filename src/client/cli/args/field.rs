@@ -63,8 +63,8 @@ impl Values {
         let text = self.text(key);
         let text = self.needed(text, key)?;
         let numbers: Vec<f64> = text.split(',').filter_map(|part| part.trim().parse().ok()).filter(|x: &f64| x.is_finite()).collect();
-        match (numbers[..].try_into(), text.split(',').count()) {
-            (Ok([x, y, z]), 3) => Ok(Some(v1::Point { x, y, z })),
+        match (&numbers[..], text.split(',').count()) {
+            (&[x, y, z], 3) => Ok(Some(v1::Point { x, y, z })),
             _ => Err(format!("{key}='{text}' is not a point X,Y,Z")),
         }
     }
@@ -156,12 +156,7 @@ fn proximity(values: &mut Values) -> Parsed<v1::ProximitySize> {
 fn centerline(values: &mut Values) -> Parsed<v1::CenterlineSize> {
     let choices = [("radius", v1::CenterlineMeasure::Radius), ("distance", v1::CenterlineMeasure::Distance)];
     let measure = values.choice("measure", &choices)?.unwrap_or_default();
-    Ok(v1::CenterlineSize {
-        lines: Vec::new(),
-        measure: measure.into(),
-        elements_around: values.length("elements_around")?,
-        points: 0,
-    })
+    Ok(v1::CenterlineSize { lines: Vec::new(), measure: measure.into(), elements_around: values.length("elements_around")?, points: 0 })
 }
 
 fn shape(values: &mut Values, kind: &str) -> Parsed<v1::ShapeSize> {

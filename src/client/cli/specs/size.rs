@@ -1,10 +1,10 @@
 //! Sizes on the command line put into messages; files are read and uploaded.
 
 use super::packed;
+use crate::arrays::pack_f64;
 use crate::cli::args::{FieldArg, SizeArgs};
 use crate::cli::failure::{Failure, Outcome};
 use crate::cli::files;
-use crate::arrays::pack_f64;
 use crate::{Client, v1};
 use std::path::Path;
 use v1::size_field::Field;

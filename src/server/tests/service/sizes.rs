@@ -1,6 +1,6 @@
 //! Size fields and locks over the wire.
 
-use crate::harness::{Daemon, assert_refused, column, tube};
+use crate::harness::{Daemon, assert_refused, column};
 use remesh_proto::v1;
 use std::collections::BTreeSet;
 use tonic::Code;
