@@ -47,6 +47,8 @@ pub enum Stage {
     Planar,
     /// Planar mesh lifted to space.
     Lift,
+    /// The inside of a patch optimised in space.
+    Interior,
     /// Patches joined.
     Assembly,
     /// Optimisation on the surface.
@@ -57,7 +59,7 @@ pub enum Stage {
 
 impl Stage {
     /// All stages in pipeline order.
-    pub const ALL: [Stage; 22] = [
+    pub const ALL: [Stage; 23] = [
         Stage::Import,
         Stage::Topology,
         Stage::SearchTree,
@@ -77,6 +79,7 @@ impl Stage {
         Stage::Curve,
         Stage::Planar,
         Stage::Lift,
+        Stage::Interior,
         Stage::Assembly,
         Stage::Optimize,
         Stage::Quality,
@@ -104,6 +107,7 @@ impl Stage {
             Stage::Curve => "curve",
             Stage::Planar => "planar",
             Stage::Lift => "lift",
+            Stage::Interior => "interior",
             Stage::Assembly => "assembly",
             Stage::Optimize => "optimize",
             Stage::Quality => "quality",

@@ -4,7 +4,7 @@ mod chart;
 mod field;
 mod values;
 
-pub(crate) use chart::{ChartAllArgs, ChartArgs, ChartOutput, ChartSpecArgs, ChartVerb, PatchOf};
+pub(crate) use chart::{ChartAllArgs, ChartArgs, ChartOutput, ChartSpecArgs, ChartVerb, PatchOf, PatchSpecArgs};
 pub(crate) use field::FieldArg;
 #[cfg(test)]
 pub(crate) use values::PinArg;
