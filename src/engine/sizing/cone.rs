@@ -19,15 +19,17 @@ const TRUSTED: usize = 3;
 pub(super) struct Cone {
     /// Half angle in degrees and number of rays of each ring.
     rings: &'static [(f64, u32)],
+    /// Only faces count whose normal has a cosine below this with that of the face the cone starts from.
+    facing: f64,
 }
 
 impl Cone {
     /// For gaps.
-    pub(super) const NARROW: Cone = Cone { rings: &[(25.0, 4)] };
+    pub(super) const NARROW: Cone = Cone { rings: &[(25.0, 4)], facing: FACING };
     /// For the thickness of walls and limbs.
-    pub(super) const THICKNESS: Cone = Cone { rings: &[(12.0, 4), (25.0, 8)] };
+    pub(super) const THICKNESS: Cone = Cone { rings: &[(12.0, 4), (25.0, 8)], facing: 0.0 };
     /// For the radius of tubes.
-    pub(super) const WIDE: Cone = Cone { rings: &[(20.0, 6), (40.0, 6)] };
+    pub(super) const WIDE: Cone = Cone { rings: &[(20.0, 6), (40.0, 6)], facing: 0.0 };
 
     /// Unit directions around the third axis with the cosine of their tilt.
     fn directions(&self) -> Vec<(Vec3, f64)> {
@@ -49,8 +51,6 @@ pub(super) struct Sight {
     distance: f64,
     /// Cosine between ray and axis.
     tilt: f64,
-    /// Cosine between the normals of both faces.
-    normals: f64,
 }
 
 /// For each face what `conclude` makes of the sights of a cone around `sign` times its normal; infinite for slivers.
@@ -61,7 +61,7 @@ pub(super) fn per_face(
     sign: f64,
     reach: f64,
     work: &Work<'_>,
-    conclude: fn(&mut Vec<Sight>) -> f64,
+    conclude: fn(&mut [Sight]) -> f64,
 ) -> Result<Vec<f64>> {
     let directions = cone.directions();
     let normals: Vec<Vec3> = (0..mesh.triangles.len()).map(|f| normal(mesh, f)).collect();
@@ -83,8 +83,10 @@ pub(super) fn per_face(
         for (direction, tilt) in &directions {
             let [x, y, z] = *direction;
             let ray = add_scaled(add_scaled(scale(axis, z), t, x), s, y);
-            if let Some(hit) = tree.ray(middle, ray, reach, |g| g as usize != f) {
-                sights.push(Sight { distance: hit.distance, tilt: *tilt, normals: dot(*n, normals[hit.face as usize]) });
+            if let Some(hit) = tree.ray(middle, ray, reach, |g| g as usize != f)
+                && dot(*n, normals[hit.face as usize]) < cone.facing
+            {
+                sights.push(Sight { distance: hit.distance, tilt: *tilt });
             }
         }
         values.push(conclude(&mut sights));
@@ -102,13 +104,12 @@ fn normal(mesh: &SurfaceMesh, face: usize) -> Vec3 {
 }
 
 /// Diameter of the smallest sphere that touches the face and a sheet that faces it.
-pub(super) fn gap(sights: &mut Vec<Sight>) -> f64 {
-    sights.iter().filter(|s| s.normals < FACING).map(|s| s.distance / s.tilt).fold(f64::INFINITY, f64::min)
+pub(super) fn gap(sights: &mut [Sight]) -> f64 {
+    sights.iter().map(|s| s.distance / s.tilt).fold(f64::INFINITY, f64::min)
 }
 
 /// Radius of an inscribed sphere: of those that touch the face and what a ray met, one of the smallest, but not the very smallest.
-pub(super) fn inscribed_radius(sights: &mut Vec<Sight>) -> f64 {
-    sights.retain(|s| s.normals < 0.0);
+pub(super) fn inscribed_radius(sights: &mut [Sight]) -> f64 {
     sights.sort_by(|a, b| (a.distance / a.tilt).total_cmp(&(b.distance / b.tilt)));
     let chosen = sights.get((TRUSTED - 1).min(sights.len().saturating_sub(1)));
     chosen.map_or(f64::INFINITY, |s| 0.5 * s.distance / s.tilt)
@@ -116,8 +117,7 @@ pub(super) fn inscribed_radius(sights: &mut Vec<Sight>) -> f64 {
 
 /// The shape diameter (Shapira, Shamir, Cohen-Or 2008): mean length of the rays without those that differ from their median by more than
 /// their standard deviation.
-pub(super) fn thickness(sights: &mut Vec<Sight>) -> f64 {
-    sights.retain(|s| s.normals < 0.0);
+pub(super) fn thickness(sights: &mut [Sight]) -> f64 {
     if sights.is_empty() {
         return f64::INFINITY;
     }
