@@ -155,8 +155,8 @@ fn legend(mesh: &MeshData, by: ColourBy) -> Option<Legend> {
         ColourBy::Patch => None,
         ColourBy::Kappa => Some(Legend::QualityBar { label: "kappa".into(), low: 0.0, high: 1.0 }),
         ColourBy::Size => {
-            let [low, high] = range(&mesh.size);
-            Some(Legend::QualityBar { label: "size (ratio scale)".into(), low, high })
+            let [low, high] = range(&mesh.size).map(rounded);
+            Some(Legend::QualityBar { label: "size, log".into(), low, high })
         }
         ColourBy::Region => {
             let named = mesh.regions.iter().zip(0..).map(|(region, index)| (summary::region_name(region), categorical(index)));
@@ -167,6 +167,11 @@ fn legend(mesh: &MeshData, by: ColourBy) -> Option<Legend> {
 
 fn distinct(labels: &[u32]) -> u64 {
     labels.iter().collect::<BTreeSet<_>>().len() as u64
+}
+
+/// To three digits, for a legend.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.2e}").parse().unwrap_or(value)
 }
 
 /// Smallest and largest.

@@ -53,12 +53,12 @@ pub(super) struct Sight {
     tilt: f64,
 }
 
-/// For each face what `conclude` makes of the sights of a cone around `sign` times its normal; infinite for slivers.
+/// For each face what `conclude` makes of the sights of a cone around `signs[face]` times its normal; infinite for slivers.
 pub(super) fn per_face(
     mesh: &SurfaceMesh,
     tree: &TriangleBvh,
     cone: &Cone,
-    sign: f64,
+    signs: &[f64],
     reach: f64,
     work: &Work<'_>,
     conclude: fn(&mut [Sight]) -> f64,
@@ -77,7 +77,7 @@ pub(super) fn per_face(
         }
         let [a, b, c] = mesh.corners(f);
         let middle = scale(add(add(a, b), c), 1.0 / 3.0);
-        let axis = scale(*n, sign);
+        let axis = scale(*n, signs[f]);
         let (t, s) = tangents(axis);
         sights.clear();
         for (direction, tilt) in &directions {

@@ -9,6 +9,7 @@ use crate::features::Features;
 use crate::fingerprint::{Contents, Feeder};
 use crate::mesh::SurfaceMesh;
 use crate::topology::Topology;
+use crate::vector::{Vec3, add, cross, dot, scale, sub, triangle_area};
 use crate::work::Work;
 
 /// A measure of the surface that a field rests on.
@@ -90,28 +91,32 @@ pub fn measure(
             let second = tensors.iter().map(|t| t.k1.abs() + t.k2.abs()).collect();
             return Ok(Measured { value: tensors.iter().map(|t| t.largest()).collect(), second });
         }
-        MeasureSpec::Gaps { sides, reach } => gaps(mesh, needed()?, sides, reach.unwrap_or(f64::INFINITY), work)?,
+        MeasureSpec::Gaps { sides, reach } => gaps(mesh, topology, needed()?, sides, reach.unwrap_or(f64::INFINITY), work)?,
         MeasureSpec::Thickness => {
-            let per_face = cone::per_face(mesh, needed()?, &Cone::THICKNESS, -1.0, f64::INFINITY, work, cone::thickness)?;
+            let per_face =
+                cone::per_face(mesh, needed()?, &Cone::THICKNESS, &inwards(mesh, topology), f64::INFINITY, work, cone::thickness)?;
             smoothed(topology, averaged(mesh, &per_face), 3)
         }
         MeasureSpec::Radius => {
-            let per_face = cone::per_face(mesh, needed()?, &Cone::WIDE, -1.0, f64::INFINITY, work, cone::inscribed_radius)?;
+            let per_face =
+                cone::per_face(mesh, needed()?, &Cone::WIDE, &inwards(mesh, topology), f64::INFINITY, work, cone::inscribed_radius)?;
             smoothed(topology, averaged(mesh, &per_face), 10)
         }
     };
     Ok(Measured { value, second: Vec::new() })
 }
 
-fn gaps(mesh: &SurfaceMesh, tree: &TriangleBvh, sides: Sides, reach: f64, work: &Work<'_>) -> Result<Vec<f64>> {
+fn gaps(mesh: &SurfaceMesh, topology: &Topology, tree: &TriangleBvh, sides: Sides, reach: f64, work: &Work<'_>) -> Result<Vec<f64>> {
     let mut least = vec![f64::INFINITY; mesh.positions.len()];
-    let signs: &[f64] = match sides {
-        Sides::Both => &[-1.0, 1.0],
-        Sides::Inside => &[-1.0],
-        Sides::Outside => &[1.0],
+    let inwards = inwards(mesh, topology);
+    let ways: &[f64] = match sides {
+        Sides::Both => &[1.0, -1.0],
+        Sides::Inside => &[1.0],
+        Sides::Outside => &[-1.0],
     };
-    for &sign in signs {
-        let per_face = cone::per_face(mesh, tree, &Cone::NARROW, sign, reach, work, cone::gap)?;
+    for way in ways {
+        let signs: Vec<f64> = inwards.iter().map(|sign| sign * way).collect();
+        let per_face = cone::per_face(mesh, tree, &Cone::NARROW, &signs, reach, work, cone::gap)?;
         for (t, gap) in mesh.triangles.iter().zip(per_face) {
             for &v in t {
                 least[v as usize] = least[v as usize].min(gap);
@@ -121,12 +126,40 @@ fn gaps(mesh: &SurfaceMesh, tree: &TriangleBvh, sides: Sides, reach: f64, work: 
     Ok(least)
 }
 
+/// Share of area^1.5 below which the volume of a component has no sign: a sheet.
+const NO_VOLUME: f64 = 1e-3;
+
+/// For each face the sign that turns its normal inwards. Nobody promises that an open surface looks outwards: inside is where the volume
+/// is that its component encloses once every hole is closed by a fan. A flat sheet is taken to look outwards.
+fn inwards(mesh: &SurfaceMesh, topology: &Topology) -> Vec<f64> {
+    let mut volume = vec![0.0; topology.components.len()];
+    let mut area = vec![0.0; topology.components.len()];
+    let origin = mesh.positions.first().copied().unwrap_or_default();
+    let six_volumes = |a: Vec3, b: Vec3, c: Vec3| dot(sub(a, origin), cross(sub(b, origin), sub(c, origin)));
+    for (f, &component) in topology.face_component.iter().enumerate() {
+        let [a, b, c] = mesh.corners(f);
+        volume[component as usize] += six_volumes(a, b, c) / 6.0;
+        area[component as usize] += triangle_area(a, b, c);
+    }
+    for ring in &topology.loops {
+        let points = || ring.iter().map(|&h| mesh.positions[topology.origin(h) as usize]);
+        let middle = scale(points().fold([0.0; 3], add), 1.0 / ring.len().max(1) as f64);
+        for &h in ring {
+            let component = topology.face_component[topology.face(h) as usize] as usize;
+            let [a, b] = [topology.origin(h), topology.target(h)].map(|v| mesh.positions[v as usize]);
+            volume[component] += six_volumes(b, a, middle) / 6.0;
+        }
+    }
+    let turned = |c: usize| volume[c] < -NO_VOLUME * area[c].powf(1.5);
+    topology.face_component.iter().map(|&c| if turned(c as usize) { 1.0 } else { -1.0 }).collect()
+}
+
 /// Mean over the faces of each vertex by area, of those with a finite value.
 fn averaged(mesh: &SurfaceMesh, per_face: &[f64]) -> Vec<f64> {
     let mut sums = vec![(0.0, 0.0); mesh.positions.len()];
     for (f, value) in per_face.iter().enumerate().filter(|(_, value)| value.is_finite()) {
         let [a, b, c] = mesh.corners(f);
-        let area = crate::vector::triangle_area(a, b, c);
+        let area = triangle_area(a, b, c);
         for &v in &mesh.triangles[f] {
             let sum: &mut (f64, f64) = &mut sums[v as usize];
             *sum = (sum.0 + area * value, sum.1 + area);

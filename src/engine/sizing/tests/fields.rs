@@ -104,15 +104,24 @@ fn walls_of_a_tilted_wedge_face_each_other_but_those_of_a_corner_do_not() {
 #[test]
 fn radius_and_thickness_of_a_tube() {
     let (r, length) = (0.7, 9.0);
-    let tube = model(tube(r, length));
+    for look in ["outwards", "inwards"] {
+        let mut mesh = tube(r, length);
+        if look == "inwards" {
+            mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        }
+        radius_and_thickness_are_those_of(&model(mesh), r);
+    }
+}
+
+fn radius_and_thickness_are_those_of(tube: &Model, r: f64) {
     let around = |n| SizeFieldSpec::Centerline(CenterlineSize { lines: None, measure: CenterlineMeasure::Radius, elements_around: n });
-    for h in evaluate(&tube, coarse(vec![around(24.0)])) {
+    for h in evaluate(tube, coarse(vec![around(24.0)])) {
         assert!((h * 24.0 / TAU / r - 1.0).abs() < 0.03, "radius {}", h * 24.0 / TAU);
     }
-    for h in evaluate(&tube, coarse(vec![SizeFieldSpec::Thickness { elements: 5.0 }])) {
+    for h in evaluate(tube, coarse(vec![SizeFieldSpec::Thickness { elements: 5.0 }])) {
         assert!((h * 5.0 / (2.0 * r) - 1.0).abs() < 0.1, "thickness {}", h * 5.0);
     }
-    for h in evaluate(&tube, coarse(vec![proximity(3.0, Sides::Both, None)])) {
+    for h in evaluate(tube, coarse(vec![proximity(3.0, Sides::Inside, None)])) {
         assert!((h * 3.0 / (2.0 * r) - 1.0).abs() < 0.01, "gap {}", h * 3.0);
     }
 }
