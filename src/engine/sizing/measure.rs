@@ -132,8 +132,8 @@ const NO_VOLUME: f64 = 1e-3;
 /// For each face the sign that turns its normal inwards. Nobody promises that an open surface looks outwards: inside is where the volume
 /// is that its component encloses once every hole is closed by a fan. A flat sheet is taken to look outwards.
 fn inwards(mesh: &SurfaceMesh, topology: &Topology) -> Vec<f64> {
-    let mut volume = vec![0.0; topology.components.len()];
-    let mut area = vec![0.0; topology.components.len()];
+    let mut volume = vec![0.0f64; topology.components.len()];
+    let mut area = vec![0.0f64; topology.components.len()];
     let origin = mesh.positions.first().copied().unwrap_or_default();
     let six_volumes = |a: Vec3, b: Vec3, c: Vec3| dot(sub(a, origin), cross(sub(b, origin), sub(c, origin)));
     for (f, &component) in topology.face_component.iter().enumerate() {
