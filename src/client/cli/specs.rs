@@ -175,7 +175,6 @@ fn put_partition(args: &InputArgs, spec: &mut v1::PartitionSpec) -> bool {
 mod tests {
     use super::super::args::PlaneArg;
     use super::*;
-    use std::path::PathBuf;
 
     #[test]
     fn options_are_put_into_the_current_inputs() {
