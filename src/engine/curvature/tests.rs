@@ -155,8 +155,8 @@ fn torus_directions_follow_its_circles() {
         let expected = out / small / (big + out);
         // The rims are shaken along themselves, which leaves them a worse estimate.
         let rim = p[2].abs() < 1e-9 || (p[2] + small).abs() < 1e-9;
-        assert!((t.k1 - 1.0 / small).abs() < if rim { 0.35 } else { 0.15 }, "{t:?} at {p:?}");
-        assert!((t.k2 - expected).abs() < 0.15, "{t:?}: {expected}");
+        assert!((t.k1 - 1.0 / small).abs() < if rim { 0.35 } else { 0.2 }, "{t:?} at {p:?}");
+        assert!((t.k2 - expected).abs() < 0.2, "{t:?}: {expected}");
         assert!(dot(t.d2, around).abs() > 0.98, "{t:?} at {p:?}");
         assert!(dot(cross(t.d1, t.d2), t.normal) > 0.999_999);
     }

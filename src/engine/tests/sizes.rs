@@ -81,7 +81,7 @@ fn measures_are_not_taken_again_for_other_lengths() {
     let run = Run { cancel: &cancel, events: &|_| {}, threads: 1 };
     let planned = ran(&pipeline::plan(&engine, &session.snapshot(), &run).unwrap());
     let second = ran(&remesh(&engine, &session, 2).records);
-    assert_eq!(second, BTreeSet::from(["size", "curve", "planar", "lift", "assembly", "optimize"]));
+    assert_eq!(second, BTreeSet::from(["size", "curve", "planar", "lift", "interior", "assembly", "optimize"]));
     assert_eq!(planned, second);
     // Another smoothing is another measure.
     let mut fields = dear(17.0, 4.5);
