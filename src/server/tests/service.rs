@@ -19,5 +19,7 @@ mod files;
 mod lifecycle;
 #[path = "service/limits.rs"]
 mod limits;
+#[path = "service/patches.rs"]
+mod patches;
 #[path = "service/sizes.rs"]
 mod sizes;

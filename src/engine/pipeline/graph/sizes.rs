@@ -2,6 +2,7 @@
 
 use super::{Context, Step, search_tree_step};
 use crate::error::EngineError;
+use crate::fingerprint::Fingerprint;
 use crate::pipeline::Charts;
 use crate::session::Snapshot;
 use crate::sizing::{MeasureSpec, Measured, SizeField, SizeInput, SizeSpec, evaluate_size, measure, with_locked};
@@ -14,22 +15,31 @@ pub(in crate::pipeline) fn size_step(context: &Context<'_>, snapshot: &Snapshot,
     })?;
     spec.validate()?;
     let patches = &charts.patches;
-    let named = spec.named_patches();
+    let imported = charts.surface.imported.mesh.positions.len();
+    // A patch whose borders were straightened has vertices that the imported mesh has not.
+    let named: Vec<(Fingerprint, Option<Vec<u32>>)> = spec
+        .named_patches()
+        .into_iter()
+        .map(|identity| {
+            let found = patches.identities.iter().position(|known| *known == identity);
+            let vertices = |p: usize| patches.patches[p].2.vertices.iter().copied().filter(|&v| (v as usize) < imported).collect();
+            (identity, found.map(vertices))
+        })
+        .collect();
     let key = StageKey::new(Stage::Size, |f| {
         f.fingerprint(charts.surface.imported.output).fingerprint(charts.features.output);
         spec.feed(f);
         f.text(&format!("{:?}", snapshot.lock));
-        // Where a named patch is follows from its identity; whether it is at all does not.
-        named.iter().for_each(|patch| {
-            f.u64(u64::from(patches.identities.contains(patch)));
+        named.iter().for_each(|(_, vertices)| {
+            f.u32s(vertices.as_deref().unwrap_or_default());
         });
     });
     let surface = &charts.surface;
     let measures = || measures_step(context, spec, charts);
     context.staged(key, Subject::Surface, measures, |measured, work| {
         let patch_vertices = |identity| {
-            let found = patches.identities.iter().position(|known| *known == identity)?;
-            Some(patches.patches[found].2.vertices.as_slice())
+            let (_, vertices) = named.iter().find(|(known, _)| *known == identity)?;
+            vertices.as_deref()
         };
         let measured: Vec<Option<&Measured>> = measured.iter().map(|m| m.as_ref().map(|m| &*m.value)).collect();
         let input = SizeInput {
