@@ -97,6 +97,32 @@ fn the_same_command_gives_the_same_file() {
 }
 
 #[test]
+fn size_fields_and_locks_are_given_on_the_command_line() {
+    let scratch = Scratch::new("fields");
+    scratch.remesh(&["sample", "tube", "--triangles", "2000", "-o", "t.off"]).ok();
+    std::fs::write(scratch.path("line.txt"), "0 0 -9 0.4\n0 0 9 0.4\n\n7 7 7 0.2\n").expect("written");
+    let fields = ["--field", "curvature:normal_angle=25", "--field", "centerline:elements_around=30,file=line.txt"];
+    let run =
+        [&["run", "t.off", "-o", "out.vtu", "--triangles", "3000", "--min-size", "0.001", "--lock", "boundary"][..], &fields].concat();
+    let done = scratch.remesh(&run).ok();
+    assert!(done.out.contains("result"), "{done:?}");
+    let ball = "sphere:center=0,0,0,radius=1,size=0.1,growth_rate=1.3";
+    scratch.remesh(&["render", "t.off", "-o", "size.png", "--by", "size", "--max-size", "0.5", "--field", ball]).ok();
+    assert!(starts_with(&scratch.path("size.png"), PNG));
+    for (bad, told) in [
+        (["--size", "0.3", "--field", "heat:x=1"], "no kind of field"),
+        (["--size", "0.3", "--field", "distance:from=points,size=1"], "needs file"),
+        (["--min-size", "0.3", "--field", ball], "--max-size"),
+        (["--size", "0.3", "--field", "distance:from=points,size=1,file=absent.txt"], "absent.txt"),
+        (["--size", "0.3", "--field", "proximity:elements_per_gap=3"], "min_size"),
+        (["--size", "0.3", "--lock", "all"], "boundary"),
+    ] {
+        let failed = scratch.remesh(&[&["run", "t.off", "-o", "bad.stl"][..], &bad].concat());
+        assert!(failed.code != Some(0) && failed.err.contains(told), "{bad:?}: {failed:?}");
+    }
+}
+
+#[test]
 fn json_is_one_object_on_standard_output() {
     let scratch = Scratch::new("json");
     let sampled = scratch.remesh(&["sample", "tube", "--triangles", "800", "-o", "t.off", "--json"]).ok();

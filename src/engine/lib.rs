@@ -24,8 +24,11 @@ pub mod topology;
 pub mod curve;
 pub mod cut;
 pub mod features;
+pub mod lock;
 pub mod partition;
 pub mod patch;
+
+pub mod curvature;
 
 pub mod parametrize;
 pub mod planar;

@@ -167,9 +167,7 @@ pub fn optimize_patch(
         return Ok(lifted.clone());
     }
     let input = SurfaceMesh::from_parts(patch.positions.clone(), patch.triangles.clone());
-    let first = vertex_size.first().copied();
-    let uniform = first.filter(|f| vertex_size.iter().all(|s| s == f));
-    let sizes = SizeField { vertex_size: vertex_size.to_vec(), uniform };
+    let sizes = SizeField::new(vertex_size.to_vec());
     let mesh = interior::as_assembled(lifted);
     check(&input, &mesh, &sizes)?;
     let all = |mesh: &Kernel| Activity::new(mesh.vertex_slots() as usize);

@@ -23,7 +23,7 @@ use crate::partition::{EditState, Ground, Partition, PatchEdit, PatchRequest, Pa
 use crate::planar::LiftedPatch;
 use crate::quality::{QualityReport, QualityScope};
 use crate::session::{MeshSource, Snapshot};
-use crate::sizing::{SizeField, SizeSpec};
+use crate::sizing::{SizeBase, SizeField, SizeSpec};
 use crate::stage::{StageRecord, Stored};
 use crate::topology::Topology;
 use crate::vector::Vec2;
@@ -252,7 +252,19 @@ impl Remesh {
         if let Some(count) = self.result.crossing_faces.filter(|&count| count > 0) {
             warnings.push(format!("{count} faces of the result intersect others; a smaller size follows narrow places more closely"));
         }
-        if let Some(SizeSpec::TriangleCount { triangles }) = snapshot.size {
+        let asked = match &snapshot.size {
+            Some(SizeSpec::TriangleCount { triangles }) => Some(*triangles),
+            Some(SizeSpec::Composed(composed)) => match composed.base {
+                SizeBase::Triangles(triangles) => Some(triangles),
+                SizeBase::Uniform(_) | SizeBase::MaxSize => None,
+            },
+            _ => None,
+        };
+        if self.sizes.fields_scaled_by > 1.0 {
+            let factor = self.sizes.fields_scaled_by;
+            warnings.push(format!("the size fields ask for more triangles than that: they were made larger by {factor:.3}"));
+        }
+        if let Some(triangles) = asked {
             let made = self.result.mesh.triangles.len() as u64;
             if made * 2 > triangles * 3 || made * 3 < triangles * 2 {
                 warnings.push(format!(
@@ -384,6 +396,28 @@ pub fn plan_preview(engine: &Engine, snapshot: &Snapshot, patch: u32, spec: &Cha
         let layout = graph::layout_step(context, snapshot)?;
         let p = layout.check_patch(patch)?;
         graph::preview_step(context, &layout, p, spec).map(|_| ())
+    })
+}
+
+/// The wanted edge length at each vertex of the input, with the charts that patches are named by.
+///
+/// # Errors
+/// Those of [`charts`] and of [`crate::sizing::evaluate_size`]; [`Reason::BadParameter`] if no size is set.
+pub fn sizes(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Answer<Stored<SizeField>>> {
+    Context::execute(engine, run, |context| {
+        let charts = graph::charts_step(context, snapshot)?;
+        graph::size_step(context, snapshot, &charts)
+    })
+}
+
+/// The wanted edge length at each vertex of the result, linear on the input face below it. As dear as [`remesh`], and O(T log F).
+///
+/// # Errors
+/// Those of [`remesh`].
+pub fn sizes_of_result(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Answer<Vec<f64>>> {
+    Context::execute(engine, run, |context| {
+        let remesh = graph::remesh_step(context, snapshot)?;
+        graph::result_sizes(context, &remesh)
     })
 }
 

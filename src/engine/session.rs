@@ -5,6 +5,7 @@ use crate::error::{EngineError, Reason, Result};
 use crate::features::FeatureSpec;
 use crate::fingerprint::{Contents, Feeder, Fingerprint};
 use crate::import::ImportOptions;
+use crate::lock::LockSpec;
 use crate::mesh::SurfaceMesh;
 use crate::optimize::OptimizeSpec;
 use crate::parametrize::ChartSpec;
@@ -101,6 +102,8 @@ pub struct Snapshot {
     pub patch_edits: Arc<Vec<Arc<PatchEdit>>>,
     /// Which sizes are wanted; `None` until set: sizes are never guessed.
     pub size: Option<SizeSpec>,
+    /// Which boundary vertices stay.
+    pub lock: LockSpec,
     /// The planar mesher.
     pub mesher: Mesher,
     /// How far to optimise.
@@ -119,6 +122,7 @@ impl Snapshot {
             patch_charts: Arc::default(),
             patch_edits: Arc::default(),
             size: None,
+            lock: LockSpec::default(),
             mesher: Mesher::default(),
             optimize: OptimizeSpec::default(),
         }
@@ -164,6 +168,8 @@ pub enum Change {
     ResetPatchEdits,
     /// Replace the size specification.
     Size(SizeSpec),
+    /// Replace which boundary vertices stay.
+    Lock(LockSpec),
     /// Replace the planar mesher.
     Mesher(Mesher),
     /// Replace the optimisation specification.
@@ -297,7 +303,11 @@ impl Session {
                 Change::PatchChart { patch, spec } => set_patch_chart(&mut next, *patch, spec.as_ref())?,
                 Change::PatchEdit(edit) => add_patch_edit(&mut next, edit.clone())?,
                 Change::ResetPatchEdits => next.patch_edits = Arc::default(),
-                Change::Size(spec) => next.size = Some(spec.clone()),
+                Change::Size(spec) => {
+                    spec.validate()?;
+                    next.size = Some(spec.clone());
+                }
+                Change::Lock(spec) => next.lock = spec.clone(),
                 Change::Mesher(mesher) => next.mesher = *mesher,
                 Change::Optimize(spec) => next.optimize = spec.clone(),
                 Change::Rollback(revision) => {

@@ -33,6 +33,14 @@ pub enum Stage {
     Solve,
     /// Map of a patch to the plane.
     Chart,
+    /// Principal curvatures at the input's vertices, for a size field.
+    Curvature,
+    /// Distances of facing sheets, for a size field.
+    Proximity,
+    /// Thickness of the body, for a size field.
+    Thickness,
+    /// Radius of vessels, for a size field.
+    Centerline,
     /// Wanted edge length at the input's vertices.
     Size,
     /// One-dimensional mesh of a curve.
@@ -53,7 +61,7 @@ pub enum Stage {
 
 impl Stage {
     /// All stages in pipeline order.
-    pub const ALL: [Stage; 20] = [
+    pub const ALL: [Stage; 24] = [
         Stage::Import,
         Stage::Topology,
         Stage::SearchTree,
@@ -66,6 +74,10 @@ impl Stage {
         Stage::Boundary,
         Stage::Solve,
         Stage::Chart,
+        Stage::Curvature,
+        Stage::Proximity,
+        Stage::Thickness,
+        Stage::Centerline,
         Stage::Size,
         Stage::Curve,
         Stage::Planar,
@@ -91,6 +103,10 @@ impl Stage {
             Stage::Boundary => "boundary",
             Stage::Solve => "solve",
             Stage::Chart => "chart",
+            Stage::Curvature => "curvature",
+            Stage::Proximity => "proximity",
+            Stage::Thickness => "thickness",
+            Stage::Centerline => "centerline",
             Stage::Size => "size",
             Stage::Curve => "curve",
             Stage::Planar => "planar",

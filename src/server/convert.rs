@@ -3,4 +3,5 @@
 pub(crate) mod charts;
 pub(crate) mod from_proto;
 pub(crate) mod patches;
+pub(crate) mod sizes;
 pub(crate) mod to_proto;

@@ -23,6 +23,7 @@ fn share(stage: Stage) -> f64 {
         | Stage::Size
         | Stage::Curve
         | Stage::System => 1.0,
+        Stage::Curvature | Stage::Proximity | Stage::Thickness | Stage::Centerline => 1.0,
         Stage::Partition => 10.0,
         Stage::Factor => 6.0,
         Stage::Boundary | Stage::Solve => 4.0,

@@ -48,7 +48,7 @@ pub(super) fn rescue(state: &mut State<'_>, target: f64, effort: Effort, work: &
     let mut taken = 0;
     for (_, f) in bad {
         work.check()?;
-        let held = |state: &State<'_>| state.mesh.corners(f).iter().any(|&v| state.mesh.class[v as usize] == VertexClass::Corner);
+        let held = |state: &State<'_>| state.mesh.corners(f).iter().any(|&v| state.mesh.class[v as usize].stays());
         if !state.mesh.is_face(f) || state.kappa(f) >= target || (effort == Effort::Inside && held(state)) {
             continue;
         }
@@ -174,7 +174,7 @@ fn try_all<'a>(start: &State<'a>, face: u32, target: f64, work: &Work<'_>) -> Re
 /// The worst face below `target` with a corner that may go.
 fn worst_inside(state: &State<'_>, target: f64) -> Option<u32> {
     let m = &state.mesh;
-    let inside = |f: &u32| m.corners(*f).iter().any(|&v| m.class[v as usize] != VertexClass::Corner);
+    let inside = |f: &u32| m.corners(*f).iter().any(|&v| !m.class[v as usize].stays());
     let bad = m.faces_left().filter(inside).map(|f| (state.kappa(f), f)).filter(|x| x.0 < target);
     bad.min_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1))).map(|x| x.1)
 }

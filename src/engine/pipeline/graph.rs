@@ -3,8 +3,10 @@
 
 mod edits;
 mod quality;
+mod sizes;
 
-pub(super) use quality::{compare_step, quality_step};
+pub(super) use quality::{compare_step, quality_step, result_sizes};
+pub(super) use sizes::size_step;
 
 use super::context::{Context, Halt, Step};
 use super::kept::Kept;
@@ -31,7 +33,7 @@ use crate::planar::{CurveUse, LiftedPatch, PlanarMesh, VertexOrigin, lift, mesh_
 use crate::regions::{RegionFreedom, assign_regions};
 use crate::sample;
 use crate::session::{MeshSource, Snapshot};
-use crate::sizing::{SizeField, evaluate_size};
+use crate::sizing::SizeField;
 use crate::stage::{Stage, StageKey, Stored, Subject};
 use crate::topology::Topology;
 use std::sync::Arc;
@@ -362,18 +364,6 @@ fn system_step(context: &Context<'_>, patches: &PatchSet, p: usize) -> Step<Stor
     })
 }
 
-pub(super) fn size_step(context: &Context<'_>, snapshot: &Snapshot, charts: &Charts) -> Step<Stored<SizeField>> {
-    let spec = snapshot.size.as_ref().ok_or_else(|| {
-        EngineError::bad_parameter("size", "no size is set")
-            .with_hint("set a uniform size, a triangle count, per-vertex sizes or a graded field")
-    })?;
-    let key = StageKey::new(Stage::Size, |f| {
-        f.fingerprint(charts.surface.imported.output).fingerprint(charts.features.output).text(&format!("{spec:?}"));
-    });
-    let surface = &charts.surface;
-    context.stage(key, Subject::Surface, |work| evaluate_size(&surface.imported.mesh, &surface.topology, &charts.features, spec, work))
-}
-
 /// Lifted meshes of patches and the curve meshes they share.
 pub(super) struct Lifted {
     curves: Vec<Option<Stored<CurveMesh>>>,
@@ -389,7 +379,7 @@ pub(super) fn lifted_step(context: &Context<'_>, snapshot: &Snapshot, charts: &C
     // Sizes at the vertices of the surface that the patches are cut out of.
     let split_sizes = charts.cut.as_ref().map(|cut| cut.at_vertices(&sizes.vertex_size));
     let vertex_size = split_sizes.as_deref().unwrap_or(&sizes.vertex_size);
-    let meshed = context.each(&wanted, |c| curve_step(context, charts, vertex_size, c))?;
+    let meshed = context.each(&wanted, |c| curve_step(context, charts, vertex_size, &sizes.locked, c))?;
     let mut curves = vec![None; patches.network.curves.len()];
     for (c, mesh) in wanted.into_iter().zip(meshed) {
         curves[c] = Some(mesh);
@@ -403,10 +393,10 @@ pub(super) fn lifted_step(context: &Context<'_>, snapshot: &Snapshot, charts: &C
     Ok(Lifted { curves, lifted })
 }
 
-fn curve_step(context: &Context<'_>, charts: &Charts, vertex_size: &[f64], c: usize) -> Step<Stored<CurveMesh>> {
+fn curve_step(context: &Context<'_>, charts: &Charts, vertex_size: &[f64], locked: &[bool], c: usize) -> Step<Stored<CurveMesh>> {
     let (mesh, topology) = charts.ground();
     let curve = &charts.patches.network.curves[c];
-    let polyline: CurvePolyline = curve_polyline(mesh, topology, curve, vertex_size);
+    let polyline: CurvePolyline = curve_polyline(mesh, topology, curve, vertex_size, locked);
     let key = StageKey::new(Stage::Curve, |f| polyline.feed(f));
     context.stage(key, Subject::Curve(c as u32), |work| mesh_curve(&polyline, work))
 }
@@ -471,7 +461,7 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
     let all: Vec<u32> = (0..charts.charts.len() as u32).collect();
     let meshes = lifted_step(context, snapshot, &charts, &sizes, &all).map_err(below)?;
     let tree = tree.map_err(below)?;
-    let assembled = assembly_step(context, &charts, &meshes).map_err(below)?;
+    let assembled = assembly_step(context, &charts, &sizes, &meshes).map_err(below)?;
     let spec = &snapshot.optimize;
     let freedom = RegionFreedom::new(&charts.features.compounds, snapshot.features.region_borders);
     let key = StageKey::new(Stage::Optimize, |f| {
@@ -490,9 +480,10 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
     Ok(Remesh { charts, sizes, assembled, result })
 }
 
-fn assembly_step(context: &Context<'_>, charts: &Charts, meshes: &Lifted) -> Step<Stored<Assembled>> {
+fn assembly_step(context: &Context<'_>, charts: &Charts, sizes: &SizeField, meshes: &Lifted) -> Step<Stored<Assembled>> {
     let key = StageKey::new(Stage::Assembly, |f| {
         f.fingerprint(charts.patches.output).fingerprint(charts.features.output);
+        sizes.feed_locked(f);
         for lifted in &meshes.lifted {
             f.fingerprint(lifted.output);
         }
@@ -503,8 +494,8 @@ fn assembly_step(context: &Context<'_>, charts: &Charts, meshes: &Lifted) -> Ste
         let numbered: Vec<(Arc<LiftedPatch>, &PatchMap)> = (0..meshes.lifted.len())
             .map(|p| (Arc::new(with_network_numbers(&meshes.lifted[p], &charts.patches.uses[p])), &*charts.patches.patches[p].2))
             .collect();
-        let topology = charts.ground().1;
-        assemble(&charts.surface.imported.mesh, topology, &charts.features.corners, &charts.patches.network, &curve_meshes, &numbered)
+        let (topology, corners) = (charts.ground().1, &charts.features.corners);
+        assemble(&charts.surface.imported.mesh, topology, corners, &sizes.locked, &charts.patches.network, &curve_meshes, &numbered)
     })
 }
 

@@ -3,6 +3,7 @@
 
 use super::charts::{self, within};
 use super::patches;
+use super::sizes;
 use crate::state::blob_digest;
 use bytes::Bytes;
 use remesh_engine::EngineError;
@@ -19,12 +20,11 @@ use remesh_engine::planar::Mesher;
 use remesh_engine::quality::QualityScope;
 use remesh_engine::sample::{SampleKind, SampleSpec};
 use remesh_engine::session::{Change, MeshSource, Revision};
-use remesh_engine::sizing::SizeSpec;
 use remesh_proto::v1;
 use std::borrow::Cow;
 use std::time::Duration;
 
-fn required<T>(value: Option<T>, field: &str) -> Result<T> {
+pub(super) fn required<T>(value: Option<T>, field: &str) -> Result<T> {
     value.ok_or_else(|| EngineError::bad_parameter(field, "is required"))
 }
 
@@ -139,11 +139,11 @@ where
     Ok(tuples.iter().map(|tuple| tuple.map(value)).collect())
 }
 
-fn f64_rows<const N: usize>(engine: &Engine, array: &v1::PackedArray, field: &str) -> Result<Vec<[f64; N]>> {
+pub(super) fn f64_rows<const N: usize>(engine: &Engine, array: &v1::PackedArray, field: &str) -> Result<Vec<[f64; N]>> {
     with_packed(engine, array, field, |bytes| rows(bytes, field, f64::from_le_bytes))
 }
 
-fn u32_rows<const N: usize>(engine: &Engine, array: &v1::PackedArray, field: &str) -> Result<Vec<[u32; N]>> {
+pub(super) fn u32_rows<const N: usize>(engine: &Engine, array: &v1::PackedArray, field: &str) -> Result<Vec<[u32; N]>> {
     with_packed(engine, array, field, |bytes| rows(bytes, field, u32::from_le_bytes))
 }
 
@@ -242,7 +242,7 @@ pub(super) fn patch_faces(engine: &Engine, array: Option<&v1::PackedArray>) -> R
     Ok(rows.into_flattened())
 }
 
-fn positive(value: f64, field: &str) -> Result<()> {
+pub(super) fn positive(value: f64, field: &str) -> Result<()> {
     if value > 0.0 && value.is_finite() {
         Ok(())
     } else {
@@ -255,36 +255,7 @@ pub(crate) fn charts(spec: &v1::ChartSpec) -> Result<ChartSpec> {
     charts::spec(spec).map_err(|error| within("charts", error))
 }
 
-/// Which sizes.
-pub(crate) fn size(engine: &Engine, spec: &v1::SizeSpec) -> Result<SizeSpec> {
-    use v1::size_spec::Size;
-    match required(spec.size.as_ref(), "size")? {
-        Size::Uniform(size) => positive(*size, "size.uniform").map(|()| SizeSpec::Uniform { size: *size }),
-        Size::Triangles(0) => Err(EngineError::bad_parameter("size.triangles", "must be positive")),
-        Size::Triangles(triangles) => Ok(SizeSpec::TriangleCount { triangles: *triangles }),
-        Size::PerVertex(per_vertex) => {
-            let array = required(per_vertex.sizes.as_ref(), "size.per_vertex.sizes")?;
-            let sizes: Vec<[f64; 1]> = f64_rows(engine, array, "size.per_vertex.sizes")?;
-            if let Some(bad) = sizes.iter().position(|[s]| !(*s > 0.0 && s.is_finite())) {
-                let message = format!("the size of vertex {bad} is not positive and finite");
-                return Err(EngineError::bad_parameter("size.per_vertex.sizes", message));
-            }
-            bounds(per_vertex.min_size, per_vertex.max_size, per_vertex.growth_rate, "size.per_vertex")?;
-            Ok(SizeSpec::PerVertex {
-                sizes: sizes.into_flattened(),
-                min_size: per_vertex.min_size,
-                max_size: per_vertex.max_size,
-                growth_rate: per_vertex.growth_rate,
-            })
-        }
-        Size::Graded(v1::GradedSize { min_size, max_size, growth_rate }) => {
-            bounds(Some(*min_size), Some(*max_size), Some(*growth_rate), "size.graded")?;
-            Ok(SizeSpec::Graded { min_size: *min_size, max_size: *max_size, growth_rate: *growth_rate })
-        }
-    }
-}
-
-fn bounds(min_size: Option<f64>, max_size: Option<f64>, growth_rate: Option<f64>, field: &str) -> Result<()> {
+pub(super) fn bounds(min_size: Option<f64>, max_size: Option<f64>, growth_rate: Option<f64>, field: &str) -> Result<()> {
     for (value, name) in [(min_size, "min_size"), (max_size, "max_size")] {
         value.map_or(Ok(()), |value| positive(value, &format!("{field}.{name}")))?;
     }
@@ -331,7 +302,8 @@ pub(crate) fn change(engine: &Engine, change: Option<v1::Change>) -> Result<Chan
         Wire::Features(spec) => Change::Features(features(engine, &spec)?),
         Wire::Partition(spec) => Change::Partition(partition(&spec)?),
         Wire::Charts(spec) => Change::Chart(charts(&spec)?),
-        Wire::Size(spec) => Change::Size(size(engine, &spec)?),
+        Wire::Size(spec) => Change::Size(sizes::size(engine, &spec)?),
+        Wire::Lock(spec) => Change::Lock(sizes::lock(engine, &spec)?),
         Wire::Mesher(spec) => Change::Mesher(mesher(&spec)?),
         Wire::Optimize(spec) => Change::Optimize(optimize(&spec)?),
         Wire::Rollback(rollback) => Change::Rollback(Revision(rollback.to_revision)),
@@ -501,7 +473,8 @@ mod tests {
     fn bad_fields_are_named() {
         let engine = Engine::new(EngineConfig::default());
         let sized = |size| v1::SizeSpec { size: Some(size) };
-        let cases: Vec<(Result<SizeSpec>, &str)> = vec![
+        let size = sizes::size;
+        let cases: Vec<(Result<remesh_engine::sizing::SizeSpec>, &str)> = vec![
             (size(&engine, &v1::SizeSpec::default()), "size"),
             (size(&engine, &sized(v1::size_spec::Size::Uniform(f64::NAN))), "size.uniform"),
             (size(&engine, &sized(v1::size_spec::Size::Triangles(0))), "size.triangles"),

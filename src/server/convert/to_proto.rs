@@ -1,6 +1,6 @@
 //! Engine results to wire messages. Nothing here can fail.
 
-use super::{charts, patches};
+use super::{charts, patches, sizes};
 use crate::status::location;
 use remesh_engine::diagnose::{Defect, Diagnosis, Finding};
 use remesh_engine::features::{FeatureSpec, RegionBorders};
@@ -12,7 +12,6 @@ use remesh_engine::planar::Mesher;
 use remesh_engine::quality::seams::{PartQuality, SeamSplit};
 use remesh_engine::quality::{Fidelity, QualityReport, ShapeQuality, TopologyNumbers};
 use remesh_engine::session::Snapshot;
-use remesh_engine::sizing::SizeSpec;
 use remesh_engine::stage::{Outcome, StageRecord, Subject};
 use remesh_engine::vector::bounds;
 use remesh_proto::v1;
@@ -239,11 +238,12 @@ pub(crate) fn inputs(snapshot: &Snapshot) -> v1::SessionInputs {
         features: Some(features(&snapshot.features)),
         partition: Some(partition(&snapshot.partition)),
         charts: Some(charts::wire(&snapshot.chart)),
-        size: snapshot.size.as_ref().map(size),
+        size: snapshot.size.as_ref().map(sizes::wire),
         mesher: Some(mesher(snapshot.mesher)),
         optimize: Some(optimize(&snapshot.optimize)),
         patch_charts: snapshot.patch_charts.len() as u32,
         patch_edits: snapshot.patch_edits.len() as u32,
+        lock: Some(sizes::wire_lock(&snapshot.lock)),
     }
 }
 
@@ -296,19 +296,6 @@ pub(crate) fn strategy(strategy: PartitionStrategy) -> (v1::PartitionStrategy, O
 fn cut_plane(plane: Plane) -> v1::CutPlane {
     let point = |[x, y, z]: [f64; 3]| Some(v1::Point { x, y, z });
     v1::CutPlane { point: point(plane.point), normal: point(plane.normal) }
-}
-
-fn size(spec: &SizeSpec) -> v1::SizeSpec {
-    use v1::size_spec::Size;
-    let size = match *spec {
-        SizeSpec::Uniform { size } => Size::Uniform(size),
-        SizeSpec::TriangleCount { triangles } => Size::Triangles(triangles),
-        SizeSpec::PerVertex { min_size, max_size, growth_rate, .. } => {
-            Size::PerVertex(v1::PerVertexSize { sizes: None, min_size, max_size, growth_rate })
-        }
-        SizeSpec::Graded { min_size, max_size, growth_rate } => Size::Graded(v1::GradedSize { min_size, max_size, growth_rate }),
-    };
-    v1::SizeSpec { size: Some(size) }
 }
 
 fn mesher(mesher: Mesher) -> v1::MesherSpec {

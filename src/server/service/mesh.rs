@@ -91,7 +91,7 @@ fn weight(shared: &Shared, run: &Run<'_>, target: &Target, which: WhichMesh) -> 
 }
 
 fn needs_charts(columns: &[v1::DataColumn]) -> bool {
-    columns.contains(&v1::DataColumn::FacePatch) || columns.contains(&v1::DataColumn::FeatureEdges)
+    [v1::DataColumn::FacePatch, v1::DataColumn::FeatureEdges, v1::DataColumn::VertexSize].iter().any(|kind| columns.contains(kind))
 }
 
 fn mesh_columns(request: &v1::ReadMeshDataRequest) -> EngineResult<Vec<v1::DataColumn>> {
@@ -147,13 +147,14 @@ fn export(
     Ok(Box::new(parts.map(move |part| v1::ExportMeshResponse { revision, part: Some(part) })))
 }
 
-const MESH_COLUMNS: [v1::DataColumn; 6] = [
+const MESH_COLUMNS: [v1::DataColumn; 7] = [
     v1::DataColumn::Positions,
     v1::DataColumn::Triangles,
     v1::DataColumn::FacePatch,
     v1::DataColumn::FaceRegion,
     v1::DataColumn::FaceKappa,
     v1::DataColumn::FeatureEdges,
+    v1::DataColumn::VertexSize,
 ];
 
 /// Edges marked as features, as vertex pairs.
@@ -168,6 +169,7 @@ struct MeshData {
     mesh: Picked,
     face_patch: Vec<u32>,
     feature_edges: Vec<[u32; 2]>,
+    sizes: Vec<[f64; 1]>,
 }
 
 impl MeshData {
@@ -188,6 +190,7 @@ impl MeshData {
                 Picked::Result(remeshed) => &remeshed.curve_edges,
                 Picked::Input(_) => &d.feature_edges,
             }),
+            v1::DataColumn::VertexSize => Column::f64s(kind, held, |d: &MeshData| &d.sizes),
             _ => Column::f64s(kind, held, |d: &MeshData| &d.mesh.mesh().positions),
         }
     }
@@ -204,13 +207,20 @@ fn read(
     let columns = mesh_columns(request)?;
     let which = from_proto::which_mesh(request.source)?;
     let (mesh, mut records) = pick(shared, run, target, which)?;
-    let mut data = MeshData { mesh, face_patch: Vec::new(), feature_edges: Vec::new() };
+    let mut data = MeshData { mesh, face_patch: Vec::new(), feature_edges: Vec::new(), sizes: Vec::new() };
     let wants = |kind| columns.contains(&kind);
     if which == WhichMesh::Input && needs_charts(&columns) {
         let answer = pipeline::layout(&shared.engine, &target.snapshot, run)?;
         data.face_patch = answer.value.partition.face_patch.clone();
         data.feature_edges = feature_edges(&answer.value);
         records = answer.records;
+    }
+    if wants(v1::DataColumn::VertexSize) {
+        let sizes = match which {
+            WhichMesh::Input => pipeline::sizes(&shared.engine, &target.snapshot, run)?.value.vertex_size.clone(),
+            WhichMesh::Result => pipeline::sizes_of_result(&shared.engine, &target.snapshot, run)?.value,
+        };
+        data.sizes = sizes.into_iter().map(|size| [size]).collect();
     }
     let feature_edges = match &data.mesh {
         Picked::Result(remeshed) => remeshed.curve_edges.len(),

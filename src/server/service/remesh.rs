@@ -1,7 +1,7 @@
 //! `RemeshService`: the whole pipeline, for a session or in one call.
 
 use super::mesh::write;
-use crate::convert::{from_proto, to_proto};
+use crate::convert::{from_proto, sizes, to_proto};
 use crate::dispatch::{Call, Intent};
 use crate::state::{Shared, Target};
 use crate::stream::Watch;
@@ -73,7 +73,10 @@ fn one_call_inputs(shared: &Shared, request: v1::RemeshMeshRequest) -> EngineRes
         check_inline(shared, data.len(), "the file")?;
     }
     let size = request.size.ok_or_else(|| EngineError::bad_parameter("size", "is required"))?;
-    let mut changes = vec![Change::Size(from_proto::size(engine, &size)?)];
+    let mut changes = vec![Change::Size(sizes::size(engine, &size)?)];
+    if let Some(spec) = &request.lock {
+        changes.push(Change::Lock(sizes::lock(engine, spec)?));
+    }
     if let Some(spec) = &request.features {
         changes.push(Change::Features(from_proto::features(engine, spec)?));
     }

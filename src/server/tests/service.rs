@@ -21,3 +21,5 @@ mod lifecycle;
 mod limits;
 #[path = "service/patches.rs"]
 mod patches;
+#[path = "service/sizes.rs"]
+mod sizes;

@@ -40,6 +40,13 @@ pub(in crate::pipeline) fn quality_step(context: &Context<'_>, remesh: &Remesh, 
     })
 }
 
+/// The size field at the vertices of a result.
+pub(in crate::pipeline) fn result_sizes(context: &Context<'_>, remesh: &Remesh) -> Step<Vec<f64>> {
+    let surface = &remesh.charts.surface;
+    let tree = search_tree_step(context, &surface.imported)?;
+    Ok(sizes_at(surface, &tree.value.output, &remesh.sizes, &remesh.result.mesh.positions)?)
+}
+
 /// The size field at points near the input, linear on the input face below each.
 fn sizes_at(surface: &Surface, tree: &TriangleBvh, sizes: &SizeField, points: &[Vec3]) -> Result<Vec<f64>> {
     let input = &surface.imported.mesh;
