@@ -2,7 +2,7 @@
 //! planar mesh to the input surface.
 
 use crate::curve::CurveMesh;
-use crate::error::Result;
+use crate::error::{EngineError, Result};
 use crate::fingerprint::{Contents, Feeder};
 use crate::parametrize::Chart;
 use crate::patch::Patch;
@@ -11,7 +11,9 @@ use crate::vector::{Vec2, Vec3};
 use crate::work::Work;
 use std::collections::BTreeMap;
 
+mod adapt;
 mod boundary;
+mod delaunay;
 mod flexible;
 mod frontal;
 mod locate;
@@ -112,11 +114,38 @@ impl Contents for LiftedPatch {
 }
 
 /// Planar mesher options.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Mesher {
     /// Delaunay with points placed from the front (Rebay 1993), the default.
     #[default]
     Frontal,
+    /// Delaunay refinement (Ruppert, Chew): circumcentres of triangles too large or too sharp.
+    Delaunay {
+        /// Least angle on the surface, in degrees, from 0 to [`MAX_MIN_ANGLE_DEG`]; held but where curves leave no choice.
+        min_angle_deg: f64,
+    },
+    /// Local operations under the metric: split, collapse, swap, smooth.
+    MeshAdapt,
+    /// Follows a metric that asks for different lengths in different directions (see [`crate::metric`]).
+    Anisotropic,
+}
+
+/// Largest least angle that Delaunay refinement can be asked for, in degrees: beyond it need not end.
+pub const MAX_MIN_ANGLE_DEG: f64 = 33.0;
+/// Least angle of [`Mesher::Delaunay`] where none is named, in degrees.
+pub const DEFAULT_MIN_ANGLE_DEG: f64 = 28.0;
+
+impl Mesher {
+    /// # Errors
+    /// [`Reason::BadParameter`](crate::error::Reason::BadParameter) for a least angle out of range.
+    pub fn validate(&self) -> Result<()> {
+        match *self {
+            Mesher::Delaunay { min_angle_deg } if !(0.0..=MAX_MIN_ANGLE_DEG).contains(&min_angle_deg) => {
+                Err(EngineError::bad_parameter("mesher.min_angle", format!("{min_angle_deg} is not in [0, {MAX_MIN_ANGLE_DEG}]")))
+            }
+            _ => Ok(()),
+        }
+    }
 }
 
 /// Rounds of smoothing in the plane after the front has closed.
@@ -139,7 +168,7 @@ pub fn mesh_chart(
     mesher: Mesher,
     work: &Work<'_>,
 ) -> Result<PlanarMesh> {
-    let Mesher::Frontal = mesher;
+    mesher.validate()?;
     work.check()?;
     let topology = Topology::build(&patch.triangles, patch.positions.len())?;
     let mut outline = boundary::Outline::new(patch, &chart.uv, &topology, curves)?;
@@ -153,8 +182,7 @@ pub fn mesh_chart(
     let first_free = mesh.uv.len();
     let mut points = std::mem::take(&mut outline.points);
     mesh.flip_all();
-    frontal::fill(&domain, &mut mesh, &mut points, work)?;
-    smooth::smooth(&domain, &mut mesh, &mut points, first_free, SMOOTHING_ROUNDS, work)?;
+    fill(mesher, &domain, &mut mesh, &mut points, first_free, work)?;
     let mut origins = std::mem::take(&mut outline.origins);
     origins.resize(mesh.uv.len(), VertexOrigin::Interior);
     let planar = PlanarMesh { uv: mesh.uv, triangles: mesh.tri, origins, points };
@@ -162,6 +190,33 @@ pub fn mesh_chart(
         return reduce::without_extra(patch, planar, &outline, curves, &locator, work);
     }
     Ok(planar)
+}
+
+/// Fills the triangulated outline by one of the meshers. Vertices before `first_free` lie on curves.
+fn fill(
+    mesher: Mesher,
+    domain: &frontal::Domain<'_>,
+    mesh: &mut triangulation::Triangulation,
+    points: &mut Vec<SurfacePoint>,
+    first_free: usize,
+    work: &Work<'_>,
+) -> Result<()> {
+    match mesher {
+        Mesher::Frontal => {
+            frontal::fill(domain, mesh, points, work)?;
+            smooth::smooth(domain, mesh, points, first_free, SMOOTHING_ROUNDS, work)
+        }
+        Mesher::Delaunay { min_angle_deg } => {
+            delaunay::refine(domain, mesh, points, min_angle_deg, delaunay::Goal::SizeAndAngle, work)?;
+            smooth::smooth(domain, mesh, points, first_free, SMOOTHING_ROUNDS, work)?;
+            delaunay::refine(domain, mesh, points, min_angle_deg, delaunay::Goal::Angle, work)
+        }
+        Mesher::MeshAdapt => adapt::adapt(domain, mesh, points, first_free, work),
+        Mesher::Anisotropic => {
+            frontal::fill(domain, mesh, points, work)?;
+            adapt::adapt(domain, mesh, points, first_free, work)
+        }
+    }
 }
 
 /// Point in space of a point on a face of a patch.

@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::work::Work;
 
 /// Neighbours of a free vertex in order; `None` if its fan is open or it lies on a fixed edge.
-fn ring(mesh: &Triangulation, v: u32, start: u32, out: &mut Vec<u32>) -> Option<()> {
+pub(super) fn ring(mesh: &Triangulation, v: u32, start: u32, out: &mut Vec<u32>) -> Option<()> {
     out.clear();
     let mut t = start;
     loop {
