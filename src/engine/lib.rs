@@ -25,6 +25,8 @@ pub mod features;
 pub mod partition;
 pub mod patch;
 
+pub mod curvature;
+
 pub mod parametrize;
 pub mod planar;
 pub mod sizing;
