@@ -5,10 +5,11 @@ use crate::error::Result;
 use crate::features::Features;
 use crate::fingerprint::{Contents, Feeder};
 use crate::mesh::SurfaceMesh;
+use crate::metric::SurfaceMetric;
 use crate::partition::Partition;
 use crate::patch::{Patch, PatchMap};
 use crate::topology::Topology;
-use crate::vector::Vec3;
+use crate::vector::{Vec3, distance, sub};
 use crate::work::Work;
 
 mod discretize;
@@ -128,6 +129,39 @@ pub fn curve_polyline(mesh: &SurfaceMesh, topology: &Topology, curve: &Curve, ve
         kind: curve.kind,
         min_edges: curve.min_edges,
     }
+}
+
+/// The polyline of a curve with the sizes that a metric wants along it. The direction at a vertex is that of the chord over about half
+/// the smallest size wanted there on either side, so that the zigzag of a seam does not count.
+pub fn curve_polyline_in_metric(mesh: &SurfaceMesh, topology: &Topology, curve: &Curve, metric: &SurfaceMetric) -> CurvePolyline {
+    let vertices = curve_vertices(topology, curve);
+    let points: Vec<Vec3> = vertices.iter().map(|&v| mesh.positions[v as usize]).collect();
+    let last = points.len() - 1;
+    let sizes = (0..points.len()).map(|i| {
+        let reach = 0.5 * metric.smallest_length(vertices[i]);
+        let far = |step: isize| {
+            let mut j = i as isize;
+            for _ in 0..64 {
+                let next = match j + step {
+                    n if n >= 0 && n <= last as isize => n,
+                    // Over the seam of a closed curve, whose first point is its last.
+                    n if curve.closed && last > 1 => if n < 0 { last as isize - 1 } else { 1 },
+                    _ => break,
+                };
+                if next == i as isize {
+                    break;
+                }
+                j = next;
+                if distance(points[j as usize], points[i]) >= reach {
+                    break;
+                }
+            }
+            points[j as usize]
+        };
+        metric.length_along(vertices[i], sub(far(1), far(-1)))
+    });
+    let sizes = sizes.collect();
+    CurvePolyline { points, sizes, closed: curve.closed, kind: curve.kind, min_edges: curve.min_edges }
 }
 
 /// Divides a curve into N = round(integral of ds / size) edges of equal length in the size field (P2 section 4, step 4), but into

@@ -14,6 +14,7 @@ use crate::engine::Engine;
 use crate::error::{EngineError, Reason, Result};
 use crate::features::Features;
 use crate::import::{ImportOptions, Imported};
+use crate::metric::SurfaceMetric;
 use crate::optimize::Remeshed;
 use crate::parametrize::{Chart, ChartAttempt, ChartOutcome, ChartSpec, Distortion};
 use crate::partition::Partition;
@@ -148,6 +149,8 @@ pub struct Remesh {
     pub charts: Charts,
     /// Wanted sizes.
     pub sizes: Stored<SizeField>,
+    /// The metric, if the mesher follows one.
+    pub metric: Option<Stored<SurfaceMetric>>,
     /// The finished mesh.
     pub result: Stored<Remeshed>,
 }
@@ -288,7 +291,9 @@ pub fn remesh_patches(
             return Err(EngineError::new(Reason::PatchNotFound, message).into());
         }
         let sizes = graph::size_step(context, snapshot, &charts)?;
-        let meshes = graph::lifted_step(context, snapshot, &charts, &sizes, patches)?;
+        let metric = graph::metric_step(context, snapshot, &charts, &sizes)?;
+        let lengths = graph::Wanted { sizes: &sizes, metric: metric.as_deref() };
+        let meshes = graph::lifted_step(context, snapshot, &charts, lengths, patches)?;
         Ok((charts, meshes.lifted))
     })
 }

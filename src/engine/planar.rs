@@ -168,6 +168,35 @@ pub fn mesh_chart(
     mesher: Mesher,
     work: &Work<'_>,
 ) -> Result<PlanarMesh> {
+    mesh_chart_in(patch, chart, curves, &Lengths { vertex_size, tensors: None }, mesher, work)
+}
+
+/// Which lengths are wanted on a patch.
+#[derive(Debug, Clone, Copy)]
+pub struct Lengths<'a> {
+    /// Wanted length in space at each patch vertex; with tensors the smallest of all directions.
+    pub vertex_size: &'a [f64],
+    /// Tensors at the corners of each face (`xx xy xz yy yz zz`), in the plane of the face, whose quadratic form is the squared length in
+    /// elements; `None` where all directions are alike.
+    pub tensors: Option<&'a [[[f64; 6]; 3]]>,
+}
+
+/// The same under a metric with directions of its own.
+///
+/// # Errors
+/// Those of [`mesh_chart`]; [`Reason::Invariant`](crate::error::Reason::Invariant) for arrays that do not fit the patch.
+pub fn mesh_chart_in(
+    patch: &Patch,
+    chart: &Chart,
+    curves: &[CurveUse<'_>],
+    lengths: &Lengths<'_>,
+    mesher: Mesher,
+    work: &Work<'_>,
+) -> Result<PlanarMesh> {
+    let vertex_size = lengths.vertex_size;
+    if vertex_size.len() != patch.positions.len() || lengths.tensors.is_some_and(|t| t.len() != patch.triangles.len()) {
+        return Err(EngineError::invariant("the lengths are not of this patch"));
+    }
     mesher.validate()?;
     work.check()?;
     let topology = Topology::build(&patch.triangles, patch.positions.len())?;
@@ -176,7 +205,7 @@ pub fn mesh_chart(
     let Some(mut mesh) = outline.triangulate(patch, &chart.uv, &topology, curves, work)? else {
         return reduce::from_patch(patch, &chart.uv, &topology, curves, vertex_size, &locator, work);
     };
-    let field = metric::MetricField::new(patch, &chart.uv, vertex_size);
+    let field = metric::MetricField::new(patch, &chart.uv, vertex_size, lengths.tensors);
     mesh.metric = outline.metrics(&locator, &field);
     let domain = frontal::Domain { locator: &locator, field: &field };
     let first_free = mesh.uv.len();

@@ -6,6 +6,7 @@ use crate::features::FeatureSpec;
 use crate::fingerprint::{Contents, Feeder, Fingerprint};
 use crate::import::ImportOptions;
 use crate::mesh::SurfaceMesh;
+use crate::metric::MetricSpec;
 use crate::optimize::OptimizeSpec;
 use crate::parametrize::ChartSpec;
 use crate::partition::PartitionSpec;
@@ -100,6 +101,8 @@ pub struct Snapshot {
     pub size: Option<SizeSpec>,
     /// The planar mesher.
     pub mesher: Mesher,
+    /// What the anisotropic mesher follows; other meshers do not look at it.
+    pub metric: Arc<MetricSpec>,
     /// How far to optimise.
     pub optimize: OptimizeSpec,
 }
@@ -116,6 +119,7 @@ impl Snapshot {
             patch_charts: Arc::default(),
             size: None,
             mesher: Mesher::default(),
+            metric: Arc::default(),
             optimize: OptimizeSpec::default(),
         }
     }
@@ -148,6 +152,8 @@ pub enum Change {
     Size(SizeSpec),
     /// Replace the planar mesher.
     Mesher(Mesher),
+    /// Take the anisotropic mesher, with what it follows.
+    Anisotropic(MetricSpec),
     /// Replace the optimisation specification.
     Optimize(OptimizeSpec),
     /// Take all inputs of an earlier revision that is still kept (undo).
@@ -258,7 +264,14 @@ impl Session {
                 Change::Chart(spec) => next.chart = session_wide(spec)?,
                 Change::PatchChart { patch, spec } => set_patch_chart(&mut next, *patch, spec.as_ref())?,
                 Change::Size(spec) => next.size = Some(spec.clone()),
-                Change::Mesher(mesher) => next.mesher = *mesher,
+                Change::Mesher(mesher) => {
+                    mesher.validate()?;
+                    next.mesher = *mesher;
+                }
+                Change::Anisotropic(spec) => {
+                    spec.validate()?;
+                    (next.mesher, next.metric) = (Mesher::Anisotropic, Arc::new(spec.clone()));
+                }
                 Change::Optimize(spec) => next.optimize = spec.clone(),
                 Change::Rollback(revision) => {
                     let kept = state.history.iter().find(|s| s.revision == *revision);

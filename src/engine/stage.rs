@@ -33,6 +33,8 @@ pub enum Stage {
     Chart,
     /// Wanted edge length at the input's vertices.
     Size,
+    /// Metric with directions of its own on the input.
+    Metric,
     /// One-dimensional mesh of a curve.
     Curve,
     /// Planar mesh of a chart.
@@ -49,7 +51,7 @@ pub enum Stage {
 
 impl Stage {
     /// All stages in pipeline order.
-    pub const ALL: [Stage; 18] = [
+    pub const ALL: [Stage; 19] = [
         Stage::Import,
         Stage::Topology,
         Stage::SearchTree,
@@ -62,6 +64,7 @@ impl Stage {
         Stage::Solve,
         Stage::Chart,
         Stage::Size,
+        Stage::Metric,
         Stage::Curve,
         Stage::Planar,
         Stage::Lift,
@@ -85,6 +88,7 @@ impl Stage {
             Stage::Solve => "solve",
             Stage::Chart => "chart",
             Stage::Size => "size",
+            Stage::Metric => "metric",
             Stage::Curve => "curve",
             Stage::Planar => "planar",
             Stage::Lift => "lift",

@@ -7,21 +7,23 @@ use super::naming::{on_surface, refusal};
 use super::patch_set::PatchSet;
 use super::{Charts, Layout, Remesh, Surface};
 use crate::assemble::{Assembled, assemble};
-use crate::bvh::TriangleBvh;
-use crate::curve::{CurveMesh, CurvePolyline, PatchCurve, curve_polyline, mesh_curve, patch_curves, trace_curves};
+use crate::bvh::{TriangleBvh, closest_on_triangle};
+use crate::curve::{CurveMesh, CurvePolyline, PatchCurve, curve_polyline, curve_polyline_in_metric, mesh_curve, patch_curves, trace_curves};
+use crate::curvature::curvature;
 use crate::error::{EngineError, Reason, Result};
 use crate::features::{Features, detect_features};
 use crate::fingerprint::Contents;
 use crate::import::{ImportOptions, Imported, import_arrays, import_mesh};
 use crate::mesh::SurfaceMesh;
-use crate::optimize::optimize_surface;
+use crate::metric::{SurfaceMetric, evaluate_metric};
+use crate::optimize::{optimize_in_metric, optimize_surface};
 use crate::parametrize::{
     BoundaryFactor, ChartFactor, ChartOutcome, ChartSpec, ChartSystem, MapSpec, ProblemSpec, SolvedMap, Weights, candidate_maps, conclude,
     factor_boundary, factor_system, next_map, plan_system, solve_map, unsolved_map,
 };
 use crate::partition::{Partition, partition_surface, split_patches};
 use crate::patch::{PatchMap, extract_patches};
-use crate::planar::{CurveUse, LiftedPatch, PlanarMesh, VertexOrigin, lift, mesh_chart};
+use crate::planar::{CurveUse, Lengths, LiftedPatch, Mesher, PlanarMesh, VertexOrigin, lift, mesh_chart_in};
 use crate::quality::{QualityReport, QualityScope, TargetSize, measure_quality};
 use crate::sample;
 use crate::session::{MeshSource, Snapshot};
@@ -29,6 +31,9 @@ use crate::sizing::{SizeField, evaluate_size};
 use crate::stage::{Stage, StageKey, Stored, Subject};
 use crate::topology::Topology;
 use std::sync::Arc;
+
+/// Passes over the curvatures of neighbours before a metric is made of them: scans are noisy.
+const CURVATURE_SMOOTHING: u32 = 3;
 
 /// Largest number of times patches without a usable chart are split.
 const MAX_RESPLITS: usize = 24;
@@ -309,6 +314,31 @@ pub(super) fn size_step(context: &Context<'_>, snapshot: &Snapshot, charts: &Cha
     context.stage(key, Subject::Surface, |work| evaluate_size(&surface.imported.mesh, &surface.topology, &charts.features, spec, work))
 }
 
+/// The metric of the anisotropic mesher; `None` for the others.
+pub(super) fn metric_step(context: &Context<'_>, snapshot: &Snapshot, charts: &Charts, sizes: &Stored<SizeField>) -> Step<Option<Stored<SurfaceMetric>>> {
+    if snapshot.mesher != Mesher::Anisotropic {
+        return Ok(None);
+    }
+    let (surface, features, spec) = (&charts.surface, &charts.features, &snapshot.metric);
+    let key = StageKey::new(Stage::Metric, |f| {
+        f.fingerprint(surface.imported.output).fingerprint(features.output).fingerprint(sizes.output);
+        spec.feed(f);
+    });
+    let metric = context.stage(key, Subject::Surface, |work| {
+        let mesh = &surface.imported.mesh;
+        let curvature = curvature(mesh, &surface.topology, features, CURVATURE_SMOOTHING, work)?;
+        evaluate_metric(mesh, &surface.topology, features, &curvature, sizes, spec, work)
+    })?;
+    Ok(Some(metric))
+}
+
+/// What a mesh is made to: sizes, and the metric of the anisotropic mesher.
+#[derive(Clone, Copy)]
+pub(super) struct Wanted<'a> {
+    pub(super) sizes: &'a SizeField,
+    pub(super) metric: Option<&'a SurfaceMetric>,
+}
+
 /// Lifted meshes of patches and the curve meshes they share.
 pub(super) struct Lifted {
     curves: Vec<Option<Stored<CurveMesh>>>,
@@ -316,18 +346,18 @@ pub(super) struct Lifted {
     pub(super) lifted: Vec<Stored<LiftedPatch>>,
 }
 
-pub(super) fn lifted_step(context: &Context<'_>, snapshot: &Snapshot, charts: &Charts, sizes: &SizeField, listed: &[u32]) -> Step<Lifted> {
+pub(super) fn lifted_step(context: &Context<'_>, snapshot: &Snapshot, charts: &Charts, lengths: Wanted<'_>, listed: &[u32]) -> Step<Lifted> {
     let patches = &charts.patches;
     let mut wanted: Vec<usize> = listed.iter().flat_map(|&p| patches.uses[p as usize].iter().map(|u| u.curve as usize)).collect();
     wanted.sort_unstable();
     wanted.dedup();
-    let meshed = context.each(&wanted, |c| curve_step(context, charts, sizes, c))?;
+    let meshed = context.each(&wanted, |c| curve_step(context, charts, lengths, c))?;
     let mut curves = vec![None; patches.network.curves.len()];
     for (c, mesh) in wanted.into_iter().zip(meshed) {
         curves[c] = Some(mesh);
     }
     let order = largest_first(patches, listed.iter().map(|&p| p as usize));
-    let by_patch = context.each(&order, |p| lift_step(context, snapshot, charts, sizes, &curves, p))?;
+    let by_patch = context.each(&order, |p| lift_step(context, snapshot, charts, lengths, &curves, p))?;
     // `each` gives results by increasing patch; hand them out in the order asked for.
     let mut sorted: Vec<u32> = listed.to_vec();
     sorted.sort_unstable();
@@ -335,10 +365,14 @@ pub(super) fn lifted_step(context: &Context<'_>, snapshot: &Snapshot, charts: &C
     Ok(Lifted { curves, lifted })
 }
 
-fn curve_step(context: &Context<'_>, charts: &Charts, sizes: &SizeField, c: usize) -> Step<Stored<CurveMesh>> {
+fn curve_step(context: &Context<'_>, charts: &Charts, lengths: Wanted<'_>, c: usize) -> Step<Stored<CurveMesh>> {
     let surface = &charts.surface;
     let curve = &charts.patches.network.curves[c];
-    let polyline: CurvePolyline = curve_polyline(&surface.imported.mesh, &surface.topology, curve, &sizes.vertex_size);
+    let mesh = &surface.imported.mesh;
+    let polyline: CurvePolyline = match lengths.metric {
+        None => curve_polyline(mesh, &surface.topology, curve, &lengths.sizes.vertex_size),
+        Some(metric) => curve_polyline_in_metric(mesh, &surface.topology, curve, metric),
+    };
     let key = StageKey::new(Stage::Curve, |f| polyline.feed(f));
     context.stage(key, Subject::Curve(c as u32), |work| mesh_curve(&polyline, work))
 }
@@ -347,14 +381,19 @@ fn lift_step(
     context: &Context<'_>,
     snapshot: &Snapshot,
     charts: &Charts,
-    sizes: &SizeField,
+    lengths: Wanted<'_>,
     curves: &[Option<Stored<CurveMesh>>],
     p: usize,
 ) -> Step<Stored<LiftedPatch>> {
     let (patch, fingerprint, map) = &charts.patches.patches[p];
     let subject = Subject::Patch(p as u32);
     let chart = charts.chart(p).ok_or_else(|| EngineError::invariant(format!("patch {p} has no chart")))?;
-    let local_size: Vec<f64> = map.vertices.iter().map(|&v| sizes.vertex_size[v as usize]).collect();
+    let local_size: Vec<f64> = map.vertices.iter().map(|&v| match lengths.metric {
+        None => lengths.sizes.vertex_size[v as usize],
+        Some(metric) => metric.smallest_length(v),
+    }).collect();
+    let tensors: Option<Vec<[[f64; 6]; 3]>> =
+        lengths.metric.map(|metric| map.faces.iter().map(|&f| metric.corners(&charts.surface.imported.mesh, f)).collect());
     let uses = &charts.patches.uses[p];
     let mut meshes = Vec::with_capacity(uses.len());
     for used in uses {
@@ -370,12 +409,16 @@ fn lift_step(
         .collect();
     let key = StageKey::new(Stage::Planar, |f| {
         f.fingerprint(*fingerprint).fingerprint(charts.charts[p].output).f64s(&local_size).text(&format!("{:?}", snapshot.mesher));
+        if let Some(tensors) = &tensors {
+            f.points(tensors.as_flattened());
+        }
         for (used, mesh) in uses.iter().zip(&meshes) {
             f.u32s(&used.path).fingerprint(mesh.output);
         }
     });
+    let local = Lengths { vertex_size: &local_size, tensors: tensors.as_deref() };
     let planar: Stored<PlanarMesh> =
-        context.stage(key, subject, |work| mesh_chart(patch, chart, &local_uses, &local_size, snapshot.mesher, work))?;
+        context.stage(key, subject, |work| mesh_chart_in(patch, chart, &local_uses, &local, snapshot.mesher, work))?;
     let key = StageKey::new(Stage::Lift, |f| {
         f.fingerprint(key.input).fingerprint(planar.output);
     });
@@ -394,17 +437,24 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
     let below = |halt| context.and_below(halt, &below_charts, &each);
     let sizes = size_step(context, snapshot, &charts).map_err(below)?;
     let all: Vec<u32> = (0..charts.charts.len() as u32).collect();
-    let meshes = lifted_step(context, snapshot, &charts, &sizes, &all).map_err(below)?;
+    let metric = metric_step(context, snapshot, &charts, &sizes).map_err(below)?;
+    let lengths = Wanted { sizes: &sizes, metric: metric.as_deref() };
+    let meshes = lifted_step(context, snapshot, &charts, lengths, &all).map_err(below)?;
     let tree = tree.map_err(below)?;
     let assembled = assembly_step(context, &charts, &meshes).map_err(below)?;
     let spec = &snapshot.optimize;
     let key = StageKey::new(Stage::Optimize, |f| {
         f.fingerprint(charts.surface.imported.output).fingerprint(assembled.output).fingerprint(sizes.output).text(&format!("{spec:?}"));
+        if let Some(metric) = &metric {
+            f.fingerprint(metric.output);
+        }
     });
     let input = &charts.surface.imported.mesh;
-    let result =
-        context.stage(key, Subject::Surface, |work| optimize_surface(input, &tree.value.output, &assembled, &sizes, spec, work))?;
-    Ok(Remesh { charts, sizes, result })
+    let result = context.stage(key, Subject::Surface, |work| match &metric {
+        None => optimize_surface(input, &tree.value.output, &assembled, &sizes, spec, work),
+        Some(metric) => optimize_in_metric(input, &tree.value.output, &assembled, metric, spec, work),
+    })?;
+    Ok(Remesh { charts, sizes, metric, result })
 }
 
 fn assembly_step(context: &Context<'_>, charts: &Charts, meshes: &Lifted) -> Step<Stored<Assembled>> {
@@ -453,15 +503,30 @@ pub(super) fn quality_step(context: &Context<'_>, remesh: &Remesh, scope: Qualit
     let tree = search_tree_step(context, &surface.imported)?;
     let key = StageKey::new(Stage::Quality, |f| {
         f.fingerprint(surface.imported.output).fingerprint(remesh.result.output).fingerprint(remesh.sizes.output).u64(scope as u64);
+        if let Some(metric) = &remesh.metric {
+            f.fingerprint(metric.output);
+        }
     });
     context.stage(key, Subject::Surface, |work| {
         let output = &remesh.result.mesh;
-        let target = match remesh.sizes.uniform {
-            Some(size) => TargetSize::Uniform(size),
-            None => TargetSize::PerVertex(sizes_on_output(surface, &tree.value.output, &remesh.sizes, output)?),
+        let target = match (&remesh.metric, remesh.sizes.uniform) {
+            (Some(metric), _) => TargetSize::Metric(metric_on_output(surface, &tree.value.output, metric, output)?),
+            (None, Some(size)) => TargetSize::Uniform(size),
+            (None, None) => TargetSize::PerVertex(sizes_on_output(surface, &tree.value.output, &remesh.sizes, output)?),
         };
         measure_quality(&surface.imported.mesh, &tree.value.output, output, Some(&target), scope, work)
     })
+}
+
+/// The metric at the vertices of the output.
+fn metric_on_output(surface: &Surface, tree: &TriangleBvh, metric: &SurfaceMetric, output: &SurfaceMesh) -> Result<Vec<[f64; 6]>> {
+    let input = &surface.imported.mesh;
+    let at = |point: &[f64; 3]| {
+        let hit = tree.closest(*point).ok_or_else(|| EngineError::invariant("the search tree is empty"))?;
+        let (_, barycentric) = closest_on_triangle(*point, &input.corners(hit.face as usize));
+        Ok(metric.at(input, hit.face, barycentric))
+    };
+    output.positions.iter().map(at).collect()
 }
 
 /// The size field at the vertices of the output, linear on the input face below each.

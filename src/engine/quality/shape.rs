@@ -3,6 +3,7 @@
 use super::edges::Edge;
 use super::{ShapeQuality, TargetSize};
 use crate::mesh::SurfaceMesh;
+use crate::metric::squared_length;
 use crate::vector::{Vec3, angle_between, distance, kappa, sub};
 
 /// Bins of the histogram of kappa.
@@ -81,6 +82,12 @@ fn measure_sizes(mesh: &SurfaceMesh, edges: &[Edge], target: &TargetSize) -> (Op
         let l = match target {
             TargetSize::Uniform(size) => length / size,
             TargetSize::PerVertex(sizes) => length_in_field(length, sizes[a], sizes[b]),
+            TargetSize::Metric(tensors) => {
+                let e = sub(mesh.positions[b], mesh.positions[a]);
+                // As in a size field: the size along the edge is linear between its ends.
+                let at = |t: &[f64; 6]| 1.0 / squared_length(t, e).max(f64::MIN_POSITIVE).sqrt();
+                length_in_field(1.0, at(&tensors[a]), at(&tensors[b]))
+            }
         };
         sum += if l < 1.0 { l - 1.0 } else { 1.0 / l - 1.0 };
         fine += u64::from((0.5f64.sqrt()..=2.0f64.sqrt()).contains(&l));
