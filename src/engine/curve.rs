@@ -145,7 +145,13 @@ pub fn curve_polyline_in_metric(mesh: &SurfaceMesh, topology: &Topology, curve: 
                 let next = match j + step {
                     n if n >= 0 && n <= last as isize => n,
                     // Over the seam of a closed curve, whose first point is its last.
-                    n if curve.closed && last > 1 => if n < 0 { last as isize - 1 } else { 1 },
+                    n if curve.closed && last > 1 => {
+                        if n < 0 {
+                            last as isize - 1
+                        } else {
+                            1
+                        }
+                    }
                     _ => break,
                 };
                 if next == i as isize {

@@ -2,4 +2,5 @@
 
 pub(crate) mod charts;
 pub(crate) mod from_proto;
+mod metric;
 pub(crate) mod to_proto;

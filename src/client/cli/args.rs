@@ -1,9 +1,11 @@
 //! The command line of `remesh`, as clap sees it.
 
 mod chart;
+mod mesher;
 mod values;
 
 pub(crate) use chart::{ChartAllArgs, ChartArgs, ChartOutput, ChartSpecArgs, ChartVerb, PatchOf};
+pub(crate) use mesher::{MesherArgs, MesherName, MetricArgs};
 #[cfg(test)]
 pub(crate) use values::PinArg;
 pub(crate) use values::{
@@ -216,6 +218,8 @@ pub(crate) struct InputArgs {
     /// Chase triangles of lower kappa one by one afterwards [default: 0.5]
     #[arg(long, value_name = "KAPPA", value_parser = not_negative, allow_negative_numbers = true)]
     pub(crate) min_kappa: Option<f64>,
+    #[command(flatten)]
+    pub(crate) mesher: MesherArgs,
 }
 
 #[derive(Debug, Args)]

@@ -1,6 +1,7 @@
 //! From options of the command line to the specs of the protocol.
 
 mod chart;
+mod mesher;
 
 pub(crate) use chart::{chart_edit, merged_chart, names_vertices};
 
@@ -167,6 +168,10 @@ pub(crate) async fn changes(
     if method.is_some() {
         let edit = chart_edit(&ChartSpecArgs { method, ..Default::default() })?;
         changes.push(Change::Charts(merged_chart(current.charts.clone().unwrap_or_default(), edit)));
+    }
+    let mesher = current.mesher.clone().unwrap_or_default();
+    if let Some(spec) = mesher::mesher_spec(client, &args.mesher, &mesher).await? {
+        changes.push(Change::Mesher(spec));
     }
     let mut optimize = current.optimize.unwrap_or_default();
     if args.rounds.is_some() || args.min_kappa.is_some() {

@@ -35,9 +35,9 @@ fn fan_normals(mesh: &SurfaceMesh, topology: &Topology, sectors: &Sectors, work:
             work.check()?;
         }
         let at = mesh.positions[v as usize];
-        let (count, length) = topology.outgoing(v).fold((0usize, 0.0), |(count, sum), h| {
-            (count + 1, sum + distance(at, mesh.positions[topology.target(h) as usize]))
-        });
+        let (count, length) = topology
+            .outgoing(v)
+            .fold((0usize, 0.0), |(count, sum), h| (count + 1, sum + distance(at, mesh.positions[topology.target(h) as usize])));
         let least = SHORTEST_SHARE * length / count.max(1) as f64;
         for (sector, h) in sectors.corners(topology, v) {
             let (b, c) = (mesh.positions[topology.target(h) as usize], mesh.positions[topology.target(topology.next(h)) as usize]);
@@ -69,8 +69,7 @@ fn fan_normals(mesh: &SurfaceMesh, topology: &Topology, sectors: &Sectors, work:
 pub(super) fn sector_normals(mesh: &SurfaceMesh, topology: &Topology, sectors: &Sectors, work: &Work<'_>) -> Result<Vec<Vec3>> {
     let mut normals = fan_normals(mesh, topology, sectors, work)?;
     let first_guess = normals.clone();
-    let with_open: Vec<u32> =
-        (0..topology.vertex_count() as u32).filter(|&v| sectors.of_vertex(v).any(|s| sectors.is_open(s))).collect();
+    let with_open: Vec<u32> = (0..topology.vertex_count() as u32).filter(|&v| sectors.of_vertex(v).any(|s| sectors.is_open(s))).collect();
     let mut systems: Vec<System> = Vec::new();
     for _ in 0..SWEEPS {
         for (i, &v) in with_open.iter().enumerate() {

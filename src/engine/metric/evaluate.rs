@@ -56,8 +56,10 @@ pub fn evaluate_metric(
     agree_along_features(mesh, topology, features, &mut metric);
     if let Some(rate) = spec.growth_rate {
         gradation::grade(mesh, topology, &mut metric, rate, work)?;
-        let limit = |(form, v): (&Sym2, u32)| bounded(*form, spec, sizes.vertex_size[v as usize].min(spec.max_size.unwrap_or(f64::INFINITY)));
-        let vertex_of: Vec<u32> = (0..metric.sectors.vertex_count() as u32).flat_map(|v| metric.sectors.of_vertex(v).map(move |_| v)).collect();
+        let limit =
+            |(form, v): (&Sym2, u32)| bounded(*form, spec, sizes.vertex_size[v as usize].min(spec.max_size.unwrap_or(f64::INFINITY)));
+        let vertex_of: Vec<u32> =
+            (0..metric.sectors.vertex_count() as u32).flat_map(|v| metric.sectors.of_vertex(v).map(move |_| v)).collect();
         metric.forms = metric.forms.iter().zip(vertex_of).map(limit).collect();
     }
     check_count(mesh, &metric)?;
@@ -136,11 +138,7 @@ fn raise_along(metric: &mut SurfaceMetric, of: usize, to: usize, direction: Vec3
         return;
     }
     let faint = 1e-6 * wanted;
-    let strip = [
-        wanted * d[0] * d[0] + faint * d[1] * d[1],
-        (wanted - faint) * d[0] * d[1],
-        wanted * d[1] * d[1] + faint * d[0] * d[0],
-    ];
+    let strip = [wanted * d[0] * d[0] + faint * d[1] * d[1], (wanted - faint) * d[0] * d[1], wanted * d[1] * d[1] + faint * d[0] * d[0]];
     metric.forms[of] = tensor::intersect(metric.forms[of], strip);
 }
 

@@ -8,7 +8,7 @@ use crate::mesh::SurfaceMesh;
 use crate::topology::Topology;
 use crate::vector::{Vec3, sub};
 use crate::work::Work;
-use std::collections::VecDeque;
+use std::collections::BinaryHeap;
 
 /// Changes of a form by less than this share are not handed on.
 const NOTICED: f64 = 0.02;
@@ -22,7 +22,7 @@ fn demand(from: &Frame, form: Sym2, edge: Vec3, to: &Frame, slope: f64) -> Sym2 
     tensor::transport(from, form, to).map(|x| factor * x)
 }
 
-/// Grades in place. Sectors hand their metric on in the order in which they were lowered, until nothing changes by more than 2 %.
+/// Grades in place. Sectors hand their metric on, the finest first, until nothing changes by more than 2 %.
 pub(super) fn grade(mesh: &SurfaceMesh, topology: &Topology, metric: &mut SurfaceMetric, rate: f64, work: &Work<'_>) -> Result<()> {
     let slope = rate.ln();
     let count = metric.forms.len();
@@ -42,14 +42,15 @@ pub(super) fn grade(mesh: &SurfaceMesh, topology: &Topology, metric: &mut Surfac
         list[fill[s] as usize] = h;
         fill[s] += 1;
     }
-    // The finest first: most others are then lowered once.
-    let mut order: Vec<u32> = (0..count as u32).collect();
-    let finest = |s: u32| tensor::eigenvalues(metric.forms[s as usize])[0];
-    order.sort_by(|&a, &b| finest(b).total_cmp(&finest(a)).then(a.cmp(&b)));
-    let mut queue: VecDeque<u32> = order.into();
-    let mut queued = vec![true; count];
+    // The finest first, as in Dijkstra's algorithm: most sectors hand on once.
+    let key = |form: Sym2| tensor::eigenvalues(form)[0].to_bits();
+    let mut stamp = vec![0u32; count];
+    let mut heap: BinaryHeap<(u64, u32, u32)> = (0..count as u32).map(|s| (key(metric.forms[s as usize]), s, 0)).collect();
     let mut turns = 0usize;
-    while let Some(s) = queue.pop_front() {
+    while let Some((_, s, turn)) = heap.pop() {
+        if stamp[s as usize] != turn {
+            continue;
+        }
         turns += 1;
         if turns.is_multiple_of(4096) {
             work.check()?;
@@ -58,7 +59,6 @@ pub(super) fn grade(mesh: &SurfaceMesh, topology: &Topology, metric: &mut Surfac
             break;
         }
         let s = s as usize;
-        queued[s] = false;
         for &h in &list[start[s] as usize..start[s + 1] as usize] {
             let here = mesh.positions[topology.origin(h) as usize];
             for corner in [topology.next(h), topology.prev(h)] {
@@ -70,9 +70,8 @@ pub(super) fn grade(mesh: &SurfaceMesh, topology: &Topology, metric: &mut Surfac
                 let change = (new[0] - old[0]).abs().max((new[1] - old[1]).abs()).max((new[2] - old[2]).abs());
                 if change > NOTICED * old[0].min(old[2]).max(0.1 * (old[0] + old[2])) {
                     metric.forms[to] = new;
-                    if !std::mem::replace(&mut queued[to], true) {
-                        queue.push_back(to as u32);
-                    }
+                    stamp[to] += 1;
+                    heap.push((key(new), to as u32, stamp[to]));
                 }
             }
         }

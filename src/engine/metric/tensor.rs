@@ -41,7 +41,8 @@ impl Frame {
     /// What a matrix in space says of this plane.
     pub(crate) fn restrict(&self, t: &Sym3) -> Sym2 {
         let of = |a: Vec3, b: Vec3| {
-            let row = [t[0] * b[0] + t[1] * b[1] + t[2] * b[2], t[1] * b[0] + t[3] * b[1] + t[4] * b[2], t[2] * b[0] + t[4] * b[1] + t[5] * b[2]];
+            let row =
+                [t[0] * b[0] + t[1] * b[1] + t[2] * b[2], t[1] * b[0] + t[3] * b[1] + t[4] * b[2], t[2] * b[0] + t[4] * b[1] + t[5] * b[2]];
             dot(a, row)
         };
         [of(self.u, self.u), of(self.u, self.w), of(self.w, self.w)]

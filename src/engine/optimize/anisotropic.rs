@@ -10,7 +10,7 @@ use crate::mesh::SurfaceMesh;
 use crate::metric::{SurfaceMetric, squared_length};
 use crate::optimize::input::{Input, middle};
 use crate::sizing::SizeField;
-use crate::vector::{Vec3, add, add_scaled, scale, sub};
+use crate::vector::{Vec3, add, add_scaled, area_vector_twice, norm, scale, sub};
 use crate::work::Work;
 
 /// Edges longer than this in the metric are split.
@@ -229,7 +229,7 @@ impl Measured<'_, '_> {
         Ok(())
     }
 
-    /// Centroid of the star, its faces weighted by their area in the metric.
+    /// Centroid of the star, its faces weighted so that their areas in the metric become equal: area times squared density.
     fn target(&self, v: u32) -> Vec3 {
         let m = &self.state.mesh;
         let (mut sum, mut total) = ([0.0; 3], 0.0);
@@ -240,8 +240,10 @@ impl Measured<'_, '_> {
             let (e, f) = (sub(b, a), sub(c, a));
             let product = 0.25 * (squared_length(&t, add(e, f)) - squared_length(&t, sub(e, f)));
             let area = (squared_length(&t, e) * squared_length(&t, f) - product * product).max(0.0).sqrt();
-            sum = add_scaled(sum, middle([a, b, c]), area);
-            total += area;
+            let flat = norm(area_vector_twice(a, b, c));
+            let weight = if flat > 0.0 { area * area / flat } else { 0.0 };
+            sum = add_scaled(sum, middle([a, b, c]), weight);
+            total += weight;
         }
         if total > 0.0 { scale(sum, 1.0 / total) } else { m.at(v) }
     }

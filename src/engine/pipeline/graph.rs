@@ -8,8 +8,10 @@ use super::patch_set::PatchSet;
 use super::{Charts, Layout, Remesh, Surface};
 use crate::assemble::{Assembled, assemble};
 use crate::bvh::{TriangleBvh, closest_on_triangle};
-use crate::curve::{CurveMesh, CurvePolyline, PatchCurve, curve_polyline, curve_polyline_in_metric, mesh_curve, patch_curves, trace_curves};
 use crate::curvature::curvature;
+use crate::curve::{
+    CurveMesh, CurvePolyline, PatchCurve, curve_polyline, curve_polyline_in_metric, mesh_curve, patch_curves, trace_curves,
+};
 use crate::error::{EngineError, Reason, Result};
 use crate::features::{Features, detect_features};
 use crate::fingerprint::Contents;
@@ -315,7 +317,12 @@ pub(super) fn size_step(context: &Context<'_>, snapshot: &Snapshot, charts: &Cha
 }
 
 /// The metric of the anisotropic mesher; `None` for the others.
-pub(super) fn metric_step(context: &Context<'_>, snapshot: &Snapshot, charts: &Charts, sizes: &Stored<SizeField>) -> Step<Option<Stored<SurfaceMetric>>> {
+pub(super) fn metric_step(
+    context: &Context<'_>,
+    snapshot: &Snapshot,
+    charts: &Charts,
+    sizes: &Stored<SizeField>,
+) -> Step<Option<Stored<SurfaceMetric>>> {
     if snapshot.mesher != Mesher::Anisotropic {
         return Ok(None);
     }
@@ -346,7 +353,13 @@ pub(super) struct Lifted {
     pub(super) lifted: Vec<Stored<LiftedPatch>>,
 }
 
-pub(super) fn lifted_step(context: &Context<'_>, snapshot: &Snapshot, charts: &Charts, lengths: Wanted<'_>, listed: &[u32]) -> Step<Lifted> {
+pub(super) fn lifted_step(
+    context: &Context<'_>,
+    snapshot: &Snapshot,
+    charts: &Charts,
+    lengths: Wanted<'_>,
+    listed: &[u32],
+) -> Step<Lifted> {
     let patches = &charts.patches;
     let mut wanted: Vec<usize> = listed.iter().flat_map(|&p| patches.uses[p as usize].iter().map(|u| u.curve as usize)).collect();
     wanted.sort_unstable();
@@ -388,10 +401,14 @@ fn lift_step(
     let (patch, fingerprint, map) = &charts.patches.patches[p];
     let subject = Subject::Patch(p as u32);
     let chart = charts.chart(p).ok_or_else(|| EngineError::invariant(format!("patch {p} has no chart")))?;
-    let local_size: Vec<f64> = map.vertices.iter().map(|&v| match lengths.metric {
-        None => lengths.sizes.vertex_size[v as usize],
-        Some(metric) => metric.smallest_length(v),
-    }).collect();
+    let local_size: Vec<f64> = map
+        .vertices
+        .iter()
+        .map(|&v| match lengths.metric {
+            None => lengths.sizes.vertex_size[v as usize],
+            Some(metric) => metric.smallest_length(v),
+        })
+        .collect();
     let tensors: Option<Vec<[[f64; 6]; 3]>> =
         lengths.metric.map(|metric| map.faces.iter().map(|&f| metric.corners(&charts.surface.imported.mesh, f)).collect());
     let uses = &charts.patches.uses[p];

@@ -173,8 +173,7 @@ fn may_collapse(mesh: &Triangulation, w: u32, fan: &[u32]) -> bool {
     let n = fan.len();
     let p = mesh.uv[w as usize];
     let corner = |i: usize| -> Vec2 { mesh.uv[fan[(at + i) % n] as usize] };
-    (1..n - 1).all(|i| orientation(p, corner(i), corner(i + 1)) > 0.0)
-        && (2..n - 1).all(|i| edge_length(mesh, w, fan[(at + i) % n]) < LONG)
+    (1..n - 1).all(|i| orientation(p, corner(i), corner(i + 1)) > 0.0) && (2..n - 1).all(|i| edge_length(mesh, w, fan[(at + i) % n]) < LONG)
 }
 
 /// Moves all of `v` to its neighbour `w`.

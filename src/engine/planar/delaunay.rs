@@ -48,10 +48,13 @@ impl Refiner<'_> {
         };
         let l = [0, 1, 2].map(|k| edge_length(self.mesh, v[next(k)], v[previous(k)]));
         let mean = v.iter().map(|&v| density(self.mesh.metric[v as usize])).sum::<f64>() / 3.0;
-        let centroid = [0, 1].map(|k| (c[0][k] + c[1][k] + c[2][k]) / 3.0);
-        let (_, m) = self.domain.sample(centroid, self.points[v[0] as usize].face);
-        let e = [minus(c[2], c[1]), minus(c[0], c[2]), minus(c[1], c[0])];
-        let radius = over(l, mean).max(over(e.map(|e| length(m, e)), density(m)));
+        let mut radius = over(l, mean);
+        if radius <= self.largest_radius {
+            let centroid = [0, 1].map(|k| (c[0][k] + c[1][k] + c[2][k]) / 3.0);
+            let (_, m) = self.domain.sample(centroid, self.points[v[0] as usize].face);
+            let e = [minus(c[2], c[1]), minus(c[0], c[2]), minus(c[1], c[0])];
+            radius = radius.max(over(e.map(|e| length(m, e)), density(m)));
+        }
         let at = if l[0] <= l[1] && l[0] <= l[2] { 0 } else { 1 + usize::from(l[2] < l[1]) };
         Shape { radius, shortest: l[at], at }
     }
@@ -89,7 +92,6 @@ impl Refiner<'_> {
         let mut stack = vec![t];
         let mut budget = 200;
         while let Some(t) = stack.pop() {
-            let v = self.mesh.tri[t as usize];
             let to = self.mesh.corners(t).map(|c| minus(c, p));
             let l = to.map(|d| length(m, d));
             if l.iter().any(|l| *l < least) {
@@ -102,7 +104,7 @@ impl Refiner<'_> {
                     if inner(m, to[i], to[j]) < ENCROACHED * l[i] * l[j] {
                         return false;
                     }
-                } else if self.seen[u as usize] != self.clock && budget > 0 && self.in_circle(u, p, m, v[k]) {
+                } else if self.seen[u as usize] != self.clock && budget > 0 && self.in_circle(u, p, m) {
                     self.seen[u as usize] = self.clock;
                     budget -= 1;
                     stack.push(u);
@@ -112,8 +114,8 @@ impl Refiner<'_> {
         true
     }
 
-    /// Whether `p` is in the circumcircle of `t` in one metric. `_from` is the corner behind the shared edge.
-    fn in_circle(&self, t: u32, p: Vec2, m: Metric, _from: u32) -> bool {
+    /// Whether `p` is in the circumcircle of `t` in one metric.
+    fn in_circle(&self, t: u32, p: Vec2, m: Metric) -> bool {
         let c = self.mesh.corners(t);
         circumcentre(c, m).is_some_and(|x| length(m, minus(x, p)) < length(m, minus(x, c[0])))
     }

@@ -74,21 +74,25 @@ struct Front<'a> {
 }
 
 impl Front<'_> {
-    /// Circumradius in the metric at the vertices, or at the centroid if it is larger there.
+    /// Circumradius in the metric at the vertices, or, if that is good, at the centroid if it is larger there.
     fn radius(&self, t: u32) -> f64 {
         let v = self.mesh.tri[t as usize];
         let c = self.mesh.corners(t);
         let area = 0.5 * area2(c[0], c[1], c[2]);
-        let e = [minus(c[2], c[1]), minus(c[0], c[2]), minus(c[1], c[0])];
         let of = |l: [f64; 3], density: f64| {
             let below = 4.0 * area * density;
             if below > 0.0 { l[0] * l[1] * l[2] / below } else { f64::MAX }
         };
         let l = [edge_length(self.mesh, v[1], v[2]), edge_length(self.mesh, v[2], v[0]), edge_length(self.mesh, v[0], v[1])];
         let mean = v.iter().map(|&v| density(self.mesh.metric[v as usize])).sum::<f64>() / 3.0;
+        let by_vertices = of(l, mean);
+        if by_vertices > GOOD_RADIUS {
+            return by_vertices;
+        }
         let centroid = [0, 1].map(|k| (c[0][k] + c[1][k] + c[2][k]) / 3.0);
         let (_, m) = self.domain.sample(centroid, self.points[v[0] as usize].face);
-        of(l, mean).max(of(e.map(|e| length(m, e)), density(m)))
+        let e = [minus(c[2], c[1]), minus(c[0], c[2]), minus(c[1], c[0])];
+        by_vertices.max(of(e.map(|e| length(m, e)), density(m)))
     }
 
     fn renew(&mut self, t: u32) {

@@ -162,7 +162,9 @@ impl TensorField {
 
 /// What a tensor in space says of the plane: `X^T T X` for the columns `X` of the inverse map.
 fn pulled_back(t: &Sym3, x: &[Vec3; 2]) -> Metric {
-    let row = |b: Vec3| [t[0] * b[0] + t[1] * b[1] + t[2] * b[2], t[1] * b[0] + t[3] * b[1] + t[4] * b[2], t[2] * b[0] + t[4] * b[1] + t[5] * b[2]];
+    let row = |b: Vec3| {
+        [t[0] * b[0] + t[1] * b[1] + t[2] * b[2], t[1] * b[0] + t[3] * b[1] + t[4] * b[2], t[2] * b[0] + t[4] * b[1] + t[5] * b[2]]
+    };
     [dot(x[0], row(x[0])), dot(x[0], row(x[1])), dot(x[1], row(x[1]))]
 }
 

@@ -296,19 +296,28 @@ impl Triangulation {
     /// Flips until every edge is Delaunay in the metric, or as often as there are six times triangles (a metric that varies has no
     /// exact Delaunay triangulation).
     pub(super) fn flip_all(&mut self) {
-        let mut stack: Vec<u32> = (0..self.tri.len() as u32).collect();
+        let mut stack = Vec::new();
         let mut budget = 6 * self.tri.len();
-        while let Some(t) = stack.pop() {
+        for t in 0..self.tri.len() as u32 {
             for k in 0..3 {
-                if self.should_flip(t, k) {
-                    let u = self.flip(t, k);
-                    stack.extend([t, u]);
-                    budget = budget.saturating_sub(1);
+                // Each edge once, from the side of the higher number; what a flip changes goes on the stack.
+                let u = self.adj[t as usize][k];
+                if u < t && self.should_flip(t, k) {
+                    stack.extend([self.flip(t, k), t]);
                     break;
                 }
             }
-            if budget == 0 {
-                return;
+            while let Some(t) = stack.pop() {
+                for k in 0..3 {
+                    if self.should_flip(t, k) {
+                        stack.extend([self.flip(t, k), t]);
+                        budget = budget.saturating_sub(1);
+                        break;
+                    }
+                }
+                if budget == 0 {
+                    return;
+                }
             }
         }
     }

@@ -11,10 +11,11 @@ use remesh_engine::export::Encoding;
 use remesh_engine::features::{FeatureSpec, RegionBorders};
 use remesh_engine::import::{Format, ImportOptions, ObjRegions};
 use remesh_engine::mesh::{LengthUnit, Region, SurfaceMesh};
+use remesh_engine::metric::MetricSpec;
 use remesh_engine::optimize::OptimizeSpec;
 use remesh_engine::parametrize::ChartSpec;
 use remesh_engine::partition::{BorderSmoothing, PartitionSpec, PartitionStrategy, Plane};
-use remesh_engine::planar::Mesher;
+use remesh_engine::planar::{DEFAULT_MIN_ANGLE_DEG, Mesher};
 use remesh_engine::quality::QualityScope;
 use remesh_engine::sample::{SampleKind, SampleSpec};
 use remesh_engine::session::{Change, MeshSource, Revision};
@@ -138,7 +139,7 @@ where
     Ok(tuples.iter().map(|tuple| tuple.map(value)).collect())
 }
 
-fn f64_rows<const N: usize>(engine: &Engine, array: &v1::PackedArray, field: &str) -> Result<Vec<[f64; N]>> {
+pub(super) fn f64_rows<const N: usize>(engine: &Engine, array: &v1::PackedArray, field: &str) -> Result<Vec<[f64; N]>> {
     with_packed(engine, array, field, |bytes| rows(bytes, field, f64::from_le_bytes))
 }
 
@@ -287,11 +288,26 @@ fn bounds(min_size: Option<f64>, max_size: Option<f64>, growth_rate: Option<f64>
     }
 }
 
-/// Which mesher.
-pub(crate) fn mesher(spec: &v1::MesherSpec) -> Result<Mesher> {
-    Ok(match known(spec.kind, "mesher.kind")? {
+/// Which mesher, and what it follows.
+pub(crate) fn mesher(engine: &Engine, spec: &v1::MesherSpec) -> Result<Change> {
+    let kind = known(spec.kind, "mesher.kind")?;
+    if spec.min_angle.is_some() && kind != v1::MesherKind::Delaunay {
+        return Err(EngineError::bad_parameter("mesher.min_angle", "is for the Delaunay mesher only"));
+    }
+    if spec.metric.is_some() && kind != v1::MesherKind::Anisotropic {
+        return Err(EngineError::bad_parameter("mesher.metric", "is for the anisotropic mesher only"));
+    }
+    let mesher = match kind {
         v1::MesherKind::Unspecified | v1::MesherKind::Frontal => Mesher::Frontal,
-    })
+        v1::MesherKind::Delaunay => Mesher::Delaunay { min_angle_deg: spec.min_angle.unwrap_or(DEFAULT_MIN_ANGLE_DEG) },
+        v1::MesherKind::MeshAdapt => Mesher::MeshAdapt,
+        v1::MesherKind::Anisotropic => {
+            let spec = spec.metric.as_ref().map_or_else(|| Ok(MetricSpec::default()), |metric| super::metric::from_wire(engine, metric))?;
+            return Ok(Change::Anisotropic(spec));
+        }
+    };
+    mesher.validate()?;
+    Ok(Change::Mesher(mesher))
 }
 
 /// Most rounds of optimisation that make any sense.
@@ -318,7 +334,7 @@ pub(crate) fn change(engine: &Engine, change: Option<v1::Change>) -> Result<Chan
         Wire::Partition(spec) => Change::Partition(partition(&spec)?),
         Wire::Charts(spec) => Change::Chart(charts(&spec)?),
         Wire::Size(spec) => Change::Size(size(engine, &spec)?),
-        Wire::Mesher(spec) => Change::Mesher(mesher(&spec)?),
+        Wire::Mesher(spec) => mesher(engine, &spec)?,
         Wire::Optimize(spec) => Change::Optimize(optimize(&spec)?),
         Wire::Rollback(rollback) => Change::Rollback(Revision(rollback.to_revision)),
     })
@@ -453,6 +469,32 @@ mod tests {
         assert_eq!(partition(&v1::PartitionSpec::default()), Ok(PartitionSpec::default()));
         assert_eq!(charts(&v1::ChartSpec::default()), Ok(ChartSpec::default()));
         assert_eq!(optimize(&v1::OptimizeSpec::default()), Ok(OptimizeSpec::default()));
+    }
+
+    #[test]
+    fn a_mesher_takes_its_own_options_only() {
+        let engine = Engine::new(EngineConfig::default());
+        let spec = |kind: v1::MesherKind, min_angle, metric| v1::MesherSpec { kind: kind.into(), min_angle, metric };
+        let metric = |max_stretch| Some(v1::MetricSpec { max_stretch, ..Default::default() });
+        assert!(matches!(mesher(&engine, &v1::MesherSpec::default()), Ok(Change::Mesher(Mesher::Frontal))));
+        let angle = mesher(&engine, &spec(v1::MesherKind::Delaunay, Some(20.0), None));
+        assert!(matches!(angle, Ok(Change::Mesher(Mesher::Delaunay { min_angle_deg: 20.0 }))));
+        let stretched = mesher(&engine, &spec(v1::MesherKind::Anisotropic, None, metric(Some(3.0))));
+        assert!(matches!(stretched, Ok(Change::Anisotropic(spec)) if spec.max_stretch == 3.0));
+        let short = v1::PackedArray { data: Some(v1::packed_array::Data::Inline(vec![0; 40].into())) };
+        let rows = v1::MetricSpec { source: Some(v1::metric_spec::Source::Tensors(short)), ..Default::default() };
+        let cases = [
+            (spec(v1::MesherKind::Frontal, Some(20.0), None), "mesher.min_angle"),
+            (spec(v1::MesherKind::Delaunay, Some(60.0), None), "mesher.min_angle"),
+            (spec(v1::MesherKind::Delaunay, Some(f64::NAN), None), "mesher.min_angle"),
+            (spec(v1::MesherKind::MeshAdapt, None, metric(None)), "mesher.metric"),
+            (spec(v1::MesherKind::Anisotropic, None, metric(Some(0.2))), "mesher.metric.max_stretch"),
+            (spec(v1::MesherKind::Anisotropic, None, Some(rows)), "mesher.metric.tensors"),
+        ];
+        for (spec, field) in cases {
+            let error = mesher(&engine, &spec).unwrap_err();
+            assert_eq!(field_of(&error), field, "{spec:?}");
+        }
     }
 
     #[test]

@@ -225,7 +225,7 @@ pub(crate) fn inputs(snapshot: &Snapshot) -> v1::SessionInputs {
         partition: Some(partition(&snapshot.partition)),
         charts: Some(charts::wire(&snapshot.chart)),
         size: snapshot.size.as_ref().map(size),
-        mesher: Some(mesher(snapshot.mesher)),
+        mesher: Some(mesher(snapshot)),
         optimize: Some(optimize(&snapshot.optimize)),
         patch_charts: snapshot.patch_charts.len() as u32,
     }
@@ -292,11 +292,16 @@ fn size(spec: &SizeSpec) -> v1::SizeSpec {
     v1::SizeSpec { size: Some(size) }
 }
 
-fn mesher(mesher: Mesher) -> v1::MesherSpec {
-    let kind = match mesher {
-        Mesher::Frontal => v1::MesherKind::Frontal,
-    };
-    v1::MesherSpec { kind: kind.into() }
+fn mesher(snapshot: &Snapshot) -> v1::MesherSpec {
+    let spec = |kind: v1::MesherKind| v1::MesherSpec { kind: kind.into(), min_angle: None, metric: None };
+    match snapshot.mesher {
+        Mesher::Frontal => spec(v1::MesherKind::Frontal),
+        Mesher::Delaunay { min_angle_deg } => v1::MesherSpec { min_angle: Some(min_angle_deg), ..spec(v1::MesherKind::Delaunay) },
+        Mesher::MeshAdapt => spec(v1::MesherKind::MeshAdapt),
+        Mesher::Anisotropic => {
+            v1::MesherSpec { metric: Some(super::metric::to_wire(&snapshot.metric)), ..spec(v1::MesherKind::Anisotropic) }
+        }
+    }
 }
 
 fn optimize(spec: &OptimizeSpec) -> v1::OptimizeSpec {

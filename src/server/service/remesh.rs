@@ -84,7 +84,7 @@ fn one_call_inputs(shared: &Shared, request: v1::RemeshMeshRequest) -> EngineRes
         changes.push(Change::Chart(from_proto::charts(spec)?));
     }
     if let Some(spec) = &request.mesher {
-        changes.push(Change::Mesher(from_proto::mesher(spec)?));
+        changes.push(from_proto::mesher(engine, spec)?);
     }
     if let Some(spec) = &request.optimize {
         changes.push(Change::Optimize(from_proto::optimize(spec)?));
