@@ -7,6 +7,7 @@
 pub mod error;
 pub mod fingerprint;
 pub mod parallel;
+mod sparse;
 pub mod vector;
 pub mod work;
 

@@ -41,6 +41,8 @@ pub enum Stage {
     Planar,
     /// Planar mesh lifted to space.
     Lift,
+    /// The inside of a patch optimised in space.
+    Interior,
     /// Patches joined.
     Assembly,
     /// Optimisation on the surface.
@@ -68,6 +70,7 @@ impl Stage {
         Stage::Curve,
         Stage::Planar,
         Stage::Lift,
+        Stage::Interior,
         Stage::Assembly,
         Stage::Optimize,
         Stage::Quality,
@@ -92,6 +95,7 @@ impl Stage {
             Stage::Curve => "curve",
             Stage::Planar => "planar",
             Stage::Lift => "lift",
+            Stage::Interior => "interior",
             Stage::Assembly => "assembly",
             Stage::Optimize => "optimize",
             Stage::Quality => "quality",

@@ -4,7 +4,7 @@ mod chart;
 mod mesher;
 mod values;
 
-pub(crate) use chart::{ChartAllArgs, ChartArgs, ChartOutput, ChartSpecArgs, ChartVerb, PatchOf};
+pub(crate) use chart::{ChartAllArgs, ChartArgs, ChartOutput, ChartSpecArgs, ChartVerb, PatchOf, PatchSpecArgs};
 pub(crate) use mesher::{MesherArgs, MesherName, MetricArgs};
 #[cfg(test)]
 pub(crate) use values::PinArg;

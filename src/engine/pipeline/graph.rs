@@ -18,7 +18,7 @@ use crate::fingerprint::Contents;
 use crate::import::{ImportOptions, Imported, import_arrays, import_mesh};
 use crate::mesh::SurfaceMesh;
 use crate::metric::{SurfaceMetric, evaluate_metric};
-use crate::optimize::{optimize_in_metric, optimize_surface};
+use crate::optimize::{Interiors, optimize_in_metric, optimize_patch, optimize_surface};
 use crate::parametrize::{
     BoundaryFactor, ChartFactor, ChartOutcome, ChartSpec, ChartSystem, MapSpec, ProblemSpec, SolvedMap, Weights, candidate_maps, conclude,
     factor_boundary, factor_system, next_map, plan_system, solve_map, unsolved_map,
@@ -439,7 +439,16 @@ fn lift_step(
     let key = StageKey::new(Stage::Lift, |f| {
         f.fingerprint(key.input).fingerprint(planar.output);
     });
-    context.stage(key, subject, |_| Ok(lift(patch, &planar, &local_uses)))
+    let lifted: Stored<LiftedPatch> = context.stage(key, subject, |_| Ok(lift(patch, &planar, &local_uses)))?;
+    if lengths.metric.is_some() {
+        // The optimisation in a metric does all of the surface at once.
+        return Ok(lifted);
+    }
+    let spec = &snapshot.optimize;
+    let key = StageKey::new(Stage::Interior, |f| {
+        f.fingerprint(*fingerprint).fingerprint(lifted.output).f64s(&local_size).text(&format!("{spec:?}"));
+    });
+    context.stage(key, subject, |work| optimize_patch(patch, &lifted, &local_size, spec, work))
 }
 
 pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Remesh> {
@@ -449,8 +458,10 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
     let tree = search_tree_step(context, &charts.surface.imported);
     let patches = (0..charts.charts.len() as u32).map(Subject::Patch);
     let curves = (0..charts.patches.network.curves.len() as u32).map(Subject::Curve);
-    let each: Vec<(Stage, Subject)> =
-        curves.map(|c| (Stage::Curve, c)).chain(patches.flat_map(|p| [(Stage::Planar, p), (Stage::Lift, p)])).collect();
+    let each: Vec<(Stage, Subject)> = curves
+        .map(|c| (Stage::Curve, c))
+        .chain(patches.flat_map(|p| [(Stage::Planar, p), (Stage::Lift, p), (Stage::Interior, p)]))
+        .collect();
     let below = |halt| context.and_below(halt, &below_charts, &each);
     let sizes = size_step(context, snapshot, &charts).map_err(below)?;
     let all: Vec<u32> = (0..charts.charts.len() as u32).collect();
@@ -468,7 +479,7 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
     });
     let input = &charts.surface.imported.mesh;
     let result = context.stage(key, Subject::Surface, |work| match &metric {
-        None => optimize_surface(input, &tree.value.output, &assembled, &sizes, spec, work),
+        None => optimize_surface(input, &tree.value.output, &assembled, Interiors::Optimized, &sizes, spec, work),
         Some(metric) => optimize_in_metric(input, &tree.value.output, &assembled, metric, spec, work),
     })?;
     Ok(Remesh { charts, sizes, metric, result })
