@@ -150,6 +150,8 @@ impl Mesher {
 
 /// Rounds of smoothing in the plane after the front has closed.
 const SMOOTHING_ROUNDS: usize = 3;
+/// The same after refinement, which leaves less even triangles.
+const DELAUNAY_SMOOTHING_ROUNDS: usize = 6;
 
 /// Meshes a chart. `vertex_size` is the wanted length in space at each patch vertex. Deterministic; near-linear.
 ///
@@ -233,17 +235,19 @@ fn fill(
     match mesher {
         Mesher::Frontal => {
             frontal::fill(domain, mesh, points, work)?;
-            smooth::smooth(domain, mesh, points, first_free, SMOOTHING_ROUNDS, work)
+            smooth::smooth(domain, mesh, points, first_free, smooth::Smoothing::plain(SMOOTHING_ROUNDS), work)
         }
         Mesher::Delaunay { min_angle_deg } => {
             delaunay::refine(domain, mesh, points, min_angle_deg, delaunay::Goal::SizeAndAngle, work)?;
-            smooth::smooth(domain, mesh, points, first_free, SMOOTHING_ROUNDS, work)?;
+            let how =
+                smooth::Smoothing { rounds: DELAUNAY_SMOOTHING_ROUNDS, aim: smooth::Aim::Mean, guard: smooth::Guard::Angle(min_angle_deg) };
+            smooth::smooth(domain, mesh, points, first_free, how, work)?;
             delaunay::refine(domain, mesh, points, min_angle_deg, delaunay::Goal::Angle, work)
         }
-        Mesher::MeshAdapt => adapt::adapt(domain, mesh, points, first_free, work),
+        Mesher::MeshAdapt => adapt::adapt(domain, mesh, points, first_free, smooth::Aim::Mean, work),
         Mesher::Anisotropic => {
             frontal::fill(domain, mesh, points, work)?;
-            adapt::adapt(domain, mesh, points, first_free, work)
+            adapt::adapt(domain, mesh, points, first_free, smooth::Aim::UnitEdges, work)
         }
     }
 }

@@ -103,13 +103,13 @@ pub(crate) fn exp(l: Sym2) -> Sym2 {
 /// larger value. Contains no length longer than either asks for.
 pub(crate) fn intersect(m: Sym2, n: Sym2) -> Sym2 {
     // With m = L L^T, the eigenvectors of L^-1 n L^-T are the conjugate directions.
-    if !(m[0] > 0.0) {
+    if m[0].is_nan() || m[0] <= 0.0 {
         return n;
     }
     let l00 = m[0].sqrt();
     let l10 = m[1] / l00;
     let rest = m[2] - l10 * l10;
-    if !(rest > 0.0) {
+    if rest.is_nan() || rest <= 0.0 {
         return n;
     }
     let l11 = rest.sqrt();

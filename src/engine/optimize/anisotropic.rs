@@ -1,28 +1,41 @@
 //! Optimisation under a metric with directions of its own: the same guarded operations, with lengths and shapes measured in the metric.
 //! No isotropic floor on shape applies.
 
-use super::state::{State, tangential};
+use super::activity::Activity;
+use super::input::{Input, Tree};
+use super::kernel::Kernel;
+use super::state::{Curves, State, tangential};
 use super::{OptimizeSpec, Remeshed, check, finish, untangle};
 use crate::assemble::Assembled;
 use crate::bvh::TriangleBvh;
 use crate::error::Result;
 use crate::mesh::SurfaceMesh;
 use crate::metric::{SurfaceMetric, squared_length};
-use crate::optimize::input::{Input, middle};
 use crate::sizing::SizeField;
-use crate::vector::{Vec3, add, add_scaled, area_vector_twice, norm, scale, sub};
+use crate::vector::{Vec3, add, add_scaled, scale, sub};
 use crate::work::Work;
 
 /// Edges longer than this in the metric are split.
 const LONG: f64 = 1.4;
 /// Edges shorter than this in the metric are collapsed.
 const SHORT: f64 = 0.7;
+/// Edges shorter than this push no harder.
+const SHORTEST_PULL: f64 = 0.2;
 /// Shape in the metric that a collapse must leave, unless it was worse before.
 const LEAST_SHAPE: f64 = 0.3;
 /// Operations between two checks for cancellation.
 const CHECK_EVERY: u32 = 1024;
 
 type Tensor = [f64; 6];
+
+/// What a pass of flips looks for.
+#[derive(Clone, Copy, PartialEq)]
+enum Goal {
+    /// Valences near 6 (4 on the boundary); shape in the metric decides ties.
+    Valence,
+    /// Better shape in the metric of the worse of the two faces.
+    Shape,
+}
 
 /// The mesh and the tensor at each of its vertices.
 struct Measured<'s, 'a> {
@@ -47,7 +60,9 @@ pub fn optimize_in_metric(
     let smallest = (0..input.positions.len() as u32).map(|v| metric.smallest_length(v)).map(|l| if l.is_finite() { l } else { 1.0 });
     let sizes = SizeField { vertex_size: smallest.collect(), uniform: None };
     check(input, assembled, &sizes)?;
-    let mut state = State::new(Input::new(input, bvh, &sizes), assembled)?;
+    let surface = Input::new(input, Tree::Made(bvh), &sizes);
+    let all = |mesh: &Kernel| Activity::new(mesh.vertex_slots() as usize);
+    let mut state = State::new(&surface, assembled, Curves::Held, all)?;
     let stages = spec.rounds as usize + 2;
     let mut crossing = None;
     if spec.rounds > 0 {
@@ -58,15 +73,15 @@ pub fn optimize_in_metric(
         for round in 0..spec.rounds {
             measured.split_long(work)?;
             measured.collapse_short(work)?;
-            measured.flip(work)?;
+            measured.flip(Goal::Valence, work)?;
             measured.smooth(3, work)?;
             work.step(round as usize, stages)?;
         }
         for _ in 0..3 {
-            measured.flip(work)?;
+            measured.flip(Goal::Shape, work)?;
             measured.smooth(2, work)?;
         }
-        measured.flip(work)?;
+        measured.flip(Goal::Shape, work)?;
         crossing = Some(untangle::untangle(&mut state, work)? as u32);
     }
     work.step(stages, stages)?;
@@ -187,14 +202,14 @@ impl Measured<'_, '_> {
         m.around(v).map(|h| shape_in(t, m.points(h / 3))).fold(1.0, f64::min)
     }
 
-    fn flip(&mut self, work: &Work<'_>) -> Result<()> {
+    fn flip(&mut self, goal: Goal, work: &Work<'_>) -> Result<()> {
         for _ in 0..6 {
             let mut changed = 0;
             for h in 0..3 * self.state.mesh.face_slots() {
                 if h.is_multiple_of(CHECK_EVERY) {
                     work.check()?;
                 }
-                if self.state.mesh.is_face(h / 3) && self.wants_flip(h) && self.state.try_flip(h) {
+                if self.state.mesh.is_face(h / 3) && self.wants_flip(h, goal) && self.state.try_flip(h) {
                     changed += 1;
                 }
             }
@@ -205,14 +220,22 @@ impl Measured<'_, '_> {
         Ok(())
     }
 
-    fn wants_flip(&self, h: u32) -> bool {
+    fn wants_flip(&self, h: u32, goal: Goal) -> bool {
         let m = &self.state.mesh;
         let Some(twin) = m.twin(h).filter(|&t| h < t && !m.is_on_curve(h)) else { return false };
         let ids = [m.from(h), m.from(twin), m.apex(h), m.apex(twin)];
         let [a, b, c, d] = ids.map(|v| m.at(v));
         let t = mean(ids.map(|v| &self.tensors[v as usize]));
         let least = |faces: [[Vec3; 3]; 2]| shape_in(&t, faces[0]).min(shape_in(&t, faces[1]));
-        least([[a, d, c], [d, b, c]]) > least([[a, b, c], [b, a, d]]) + 1e-4
+        let (after, before) = (least([[a, d, c], [d, b, c]]), least([[a, b, c], [b, a, d]]));
+        if goal == Goal::Shape {
+            return after > before + 1e-4;
+        }
+        let excess = |v: u32| m.valence(v) as i32 - if m.is_boundary_vertex(v) { 4 } else { 6 };
+        // Change of the sum of squared excesses when two valences drop by one and two rise by one.
+        let change = [ids[2], ids[3]].map(|v| 2 * excess(v) + 1).iter().sum::<i32>()
+            - [ids[0], ids[1]].map(|v| 2 * excess(v) - 1).iter().sum::<i32>();
+        if change < 0 { after > 0.4 * before && after > 0.15 } else { change == 0 && after > before + 1e-3 }
     }
 
     fn smooth(&mut self, sweeps: u32, work: &Work<'_>) -> Result<()> {
@@ -229,23 +252,17 @@ impl Measured<'_, '_> {
         Ok(())
     }
 
-    /// Centroid of the star, its faces weighted so that their areas in the metric become equal: area times squared density.
+    /// Mean of the places at which each edge of a vertex would be one element long.
     fn target(&self, v: u32) -> Vec3 {
         let m = &self.state.mesh;
-        let (mut sum, mut total) = ([0.0; 3], 0.0);
-        for h in m.around(v) {
-            let [a, b, c] = m.points(h / 3);
-            let ids = m.corners(h / 3);
-            let t = mean(ids.map(|x| &self.tensors[x as usize]));
-            let (e, f) = (sub(b, a), sub(c, a));
-            let product = 0.25 * (squared_length(&t, add(e, f)) - squared_length(&t, sub(e, f)));
-            let area = (squared_length(&t, e) * squared_length(&t, f) - product * product).max(0.0).sqrt();
-            let flat = norm(area_vector_twice(a, b, c));
-            let weight = if flat > 0.0 { area * area / flat } else { 0.0 };
-            sum = add_scaled(sum, middle([a, b, c]), weight);
-            total += weight;
+        let x = m.at(v);
+        let (mut sum, mut count) = ([0.0; 3], 0.0);
+        for w in m.neighbours(v) {
+            let l = self.length(v, w).max(SHORTEST_PULL);
+            sum = add(sum, add_scaled(m.at(w), sub(x, m.at(w)), 1.0 / l));
+            count += 1.0;
         }
-        if total > 0.0 { scale(sum, 1.0 / total) } else { m.at(v) }
+        if count > 0.0 { scale(sum, 1.0 / count) } else { x }
     }
 
     fn smooth_vertex(&mut self, v: u32) {

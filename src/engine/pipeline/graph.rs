@@ -461,6 +461,7 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
     let each: Vec<(Stage, Subject)> = curves
         .map(|c| (Stage::Curve, c))
         .chain(patches.flat_map(|p| [(Stage::Planar, p), (Stage::Lift, p), (Stage::Interior, p)]))
+        .filter(|(stage, _)| *stage != Stage::Interior || snapshot.mesher != Mesher::Anisotropic)
         .collect();
     let below = |halt| context.and_below(halt, &below_charts, &each);
     let sizes = size_step(context, snapshot, &charts).map_err(below)?;

@@ -4,7 +4,7 @@
 use super::SurfacePoint;
 use super::frontal::{Domain, MAX_VERTICES, edge_length};
 use super::metric::length;
-use super::smooth::{ring, smooth};
+use super::smooth::{Aim, Guard, Smoothing, ring, smooth};
 use super::triangulation::{NONE, Triangulation, next, orientation, previous};
 use crate::error::{EngineError, Reason, Result};
 use crate::vector::Vec2;
@@ -26,13 +26,14 @@ pub(super) fn adapt(
     mesh: &mut Triangulation,
     points: &mut Vec<SurfacePoint>,
     first: usize,
+    aim: Aim,
     work: &Work<'_>,
 ) -> Result<()> {
     for round in 0..ROUNDS {
         let split = split_long(domain, mesh, points, work)?;
         let gone = collapse_short(mesh, points, first, work)?;
         mesh.flip_all();
-        smooth(domain, mesh, points, first, 2, work)?;
+        smooth(domain, mesh, points, first, Smoothing { rounds: 2, aim, guard: Guard::Orientation }, work)?;
         // Most of what is left to do after the first rounds is exchange of the same few edges.
         if (split + gone) * 200 < mesh.tri.len() && round > 0 {
             break;

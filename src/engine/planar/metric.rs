@@ -132,9 +132,9 @@ impl TensorField {
         let mut values = vec![[0.0; 3]; patch.positions.len()];
         let mut weight = vec![0.0; values.len()];
         let mut faces = vec![None; patch.triangles.len()];
-        for f in 0..patch.triangles.len() {
+        for (f, corners) in corners.iter().enumerate() {
             let Some((x, area)) = face_columns(patch, uv, f) else { continue };
-            let logs = corners[f].map(|t| tensor::log(pulled_back(&t, &x)));
+            let logs = corners.map(|t| tensor::log(pulled_back(&t, &x)));
             if logs.as_flattened().iter().any(|v| !v.is_finite()) {
                 continue;
             }

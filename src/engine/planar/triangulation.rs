@@ -100,14 +100,14 @@ impl Triangulation {
     pub(super) fn compact(&mut self, dead: &[bool]) {
         let mut number = vec![NONE; self.tri.len()];
         let mut count = 0;
-        for t in 0..self.tri.len() {
-            if !dead[t] {
+        for (t, is_dead) in dead.iter().enumerate() {
+            if !is_dead {
                 number[t] = count;
                 count += 1;
             }
         }
-        for t in 0..self.tri.len() {
-            if dead[t] {
+        for (t, is_dead) in dead.iter().enumerate() {
+            if *is_dead {
                 continue;
             }
             let at = number[t] as usize;

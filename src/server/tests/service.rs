@@ -19,3 +19,5 @@ mod files;
 mod lifecycle;
 #[path = "service/limits.rs"]
 mod limits;
+#[path = "service/meshers.rs"]
+mod meshers;
