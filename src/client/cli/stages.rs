@@ -21,7 +21,7 @@ fn group_name(stage: &str) -> &str {
     match stage {
         "topology" | "search_tree" | "features" | "partition" | "patches" => "partition",
         "system" | "factor" | "boundary" | "solve" | "chart" => "charts",
-        "size" | "curve" | "planar" | "lift" => "meshing",
+        "size" | "metric" | "curve" | "planar" | "lift" => "meshing",
         "assembly" | "optimize" => "optimisation",
         other => other,
     }
