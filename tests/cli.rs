@@ -236,8 +236,13 @@ fn a_session_of_a_daemon_step_by_step() {
     has(&["partition", session, "--json"], "\"box_aspect_ratio\":");
     has(&["set", session, "--partition-strategy", "laplace"], "revision");
     has(&["partition", session, "--json"], "\"strategy\":\"laplace\"");
+    has(&["set", session, "--partition-strategy", "pants"], "revision");
+    has(&["partition", session, "--json"], "\"strategy\":\"pants\"");
     assert_eq!(at(&["set", session, "--plane", "0,0,0,1,0,0"]).code, Some(1), "a plane is for the strategy plane");
-    has(&["set", session, "--partition-strategy", "auto", "--borders", "vote"], "revision");
+    has(&["set", session, "--partition-strategy", "auto", "--borders", "geodesic"], "revision");
+    has(&["session", "show", session], "borders: \"geodesic\"");
+    has(&["partition", session], "strategy  multilevel: ");
+    has(&["set", session, "--borders", "vote"], "revision");
     has(&["chart", session], "spectral");
     has(&["chart", session, "--patch", "0"], "1 of ");
     chart_of_a_patch(&at, &has, session);
@@ -245,6 +250,7 @@ fn a_session_of_a_daemon_step_by_step() {
     has(&["remesh", session], "kappa");
     has(&["plan", session], "cached");
     has(&["quality", "--session", session], "(kept)");
+    has(&["quality", "--session", session, "--json"], "\"seams\":{\"after\":");
     has(&["export", session, "-o", "out.msh"], "out.msh");
     has(&["render", "--session", session, "--result", "-o", "r.png", "--width", "300", "--height", "240"], "drew");
     assert!(starts_with(&scratch.path("r.png"), PNG));

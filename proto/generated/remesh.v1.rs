@@ -437,7 +437,8 @@ pub enum DataColumn {
     FeatureEdges = 6,
     /// Chart coordinates of each local vertex of a patch: 2 f64 each.
     Uv = 7,
-    /// Vertex of the imported mesh for each local vertex of a patch: u32.
+    /// Vertex of the imported mesh for each local vertex of a patch: u32. For a vertex that a straight border has made inside an edge (see
+    /// PARTITION_BORDERS_GEODESIC) the nearer end of the edge.
     SourceVertex = 8,
     /// Face of the imported mesh for each local face of a patch: u32.
     SourceFace = 9,
@@ -1039,7 +1040,7 @@ pub struct PartitionSpec {
     /// principal axes and to the coordinate axes are tried, and parts may be merged across the one taken.
     #[prost(message, optional, tag = "5")]
     pub plane: ::core::option::Option<CutPlane>,
-    /// What is done to borders. Default VOTE.
+    /// What is done to borders. Default GEODESIC.
     #[prost(enumeration = "PartitionBorders", tag = "6")]
     pub borders: i32,
 }
@@ -1442,7 +1443,7 @@ impl MesherKind {
 pub enum PartitionStrategy {
     /// PARTITION_STRATEGY_AUTO.
     Unspecified = 0,
-    /// The engine chooses: today always PARTITION_STRATEGY_MULTILEVEL; the answer says why.
+    /// The engine chooses the fewest patches among the strategies that fit the shape; the answer says what was compared.
     Auto = 1,
     /// Recursive cuts of the dual graph until every part has genus 0.
     Multilevel = 2,
@@ -1454,6 +1455,8 @@ pub enum PartitionStrategy {
     Handles = 5,
     /// A cut by a plane through the handles, given in `plane` or found. What handles it leaves are opened along loops.
     Plane = 6,
+    /// Pants decomposition: parts of genus 0 with three loops, cut by short loops; divided further where size or aspect ratio ask for it.
+    Pants = 7,
 }
 impl PartitionStrategy {
     /// String value of the enum field names used in the ProtoBuf definition.
@@ -1469,6 +1472,7 @@ impl PartitionStrategy {
             Self::MaxCut => "PARTITION_STRATEGY_MAX_CUT",
             Self::Handles => "PARTITION_STRATEGY_HANDLES",
             Self::Plane => "PARTITION_STRATEGY_PLANE",
+            Self::Pants => "PARTITION_STRATEGY_PANTS",
         }
     }
     /// Creates an enum from field names used in the ProtoBuf definition.
@@ -1481,6 +1485,7 @@ impl PartitionStrategy {
             "PARTITION_STRATEGY_MAX_CUT" => Some(Self::MaxCut),
             "PARTITION_STRATEGY_HANDLES" => Some(Self::Handles),
             "PARTITION_STRATEGY_PLANE" => Some(Self::Plane),
+            "PARTITION_STRATEGY_PANTS" => Some(Self::Pants),
             _ => None,
         }
     }
@@ -1489,13 +1494,18 @@ impl PartitionStrategy {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
 #[repr(i32)]
 pub enum PartitionBorders {
-    /// PARTITION_BORDERS_VOTE.
+    /// PARTITION_BORDERS_GEODESIC.
     Unspecified = 0,
     /// Faces change patches one at a time where that straightens a border. The two-way cuts do not need it: those of LAPLACE are laid
     /// along shortest paths in any case, those of MAX_CUT are left as they are.
     Vote = 1,
     /// Then every border is laid anew along the shortest edge path within a band around it.
     Shortest = 2,
+    /// Then every border is shortened over the surface to a geodesic nearby, between the same ends, and input triangles are split along it.
+    /// Patches are cut out of that split surface: their numbers (faces, area, border length) are its own, but for the aspect ratio of boxes.
+    /// Wherever elements are named, they are those of the imported mesh: a face by the face it is part of, a vertex inside an edge by the
+    /// nearer end.
+    Geodesic = 3,
 }
 impl PartitionBorders {
     /// String value of the enum field names used in the ProtoBuf definition.
@@ -1507,6 +1517,7 @@ impl PartitionBorders {
             Self::Unspecified => "PARTITION_BORDERS_UNSPECIFIED",
             Self::Vote => "PARTITION_BORDERS_VOTE",
             Self::Shortest => "PARTITION_BORDERS_SHORTEST",
+            Self::Geodesic => "PARTITION_BORDERS_GEODESIC",
         }
     }
     /// Creates an enum from field names used in the ProtoBuf definition.
@@ -1515,6 +1526,7 @@ impl PartitionBorders {
             "PARTITION_BORDERS_UNSPECIFIED" => Some(Self::Unspecified),
             "PARTITION_BORDERS_VOTE" => Some(Self::Vote),
             "PARTITION_BORDERS_SHORTEST" => Some(Self::Shortest),
+            "PARTITION_BORDERS_GEODESIC" => Some(Self::Geodesic),
             _ => None,
         }
     }
@@ -3885,7 +3897,7 @@ pub struct SampleSpec {
     /// About how many triangles. Default 20000.
     #[prost(uint64, optional, tag = "2")]
     pub triangles: ::core::option::Option<u64>,
-    /// Handles (genus) of the pelvis or of the brake; other kinds refuse it. Default: the usual.
+    /// Handles (genus) of the pelvis, of the brake or of the lattice; other kinds refuse it. Default: the usual.
     #[prost(uint32, optional, tag = "3")]
     pub genus: ::core::option::Option<u32>,
     /// Outlets of the artery. Default 9.
@@ -4239,6 +4251,8 @@ pub enum SampleKind {
     CadPart = 4,
     /// A tube, open at both ends.
     Tube = 5,
+    /// A closed block of gyroid lattice, struts along a net of three-fold nodes, of high genus, marching cubes style.
+    Lattice = 6,
 }
 impl SampleKind {
     /// String value of the enum field names used in the ProtoBuf definition.
@@ -4253,6 +4267,7 @@ impl SampleKind {
             Self::Brake => "SAMPLE_KIND_BRAKE",
             Self::CadPart => "SAMPLE_KIND_CAD_PART",
             Self::Tube => "SAMPLE_KIND_TUBE",
+            Self::Lattice => "SAMPLE_KIND_LATTICE",
         }
     }
     /// Creates an enum from field names used in the ProtoBuf definition.
@@ -4264,6 +4279,7 @@ impl SampleKind {
             "SAMPLE_KIND_BRAKE" => Some(Self::Brake),
             "SAMPLE_KIND_CAD_PART" => Some(Self::CadPart),
             "SAMPLE_KIND_TUBE" => Some(Self::Tube),
+            "SAMPLE_KIND_LATTICE" => Some(Self::Lattice),
             _ => None,
         }
     }
@@ -5582,6 +5598,50 @@ pub struct FacePair {
     #[prost(uint32, tag = "2")]
     pub second: u32,
 }
+/// Elements of a part of a mesh.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct PartQuality {
+    /// Triangles.
+    #[prost(uint64, tag = "1")]
+    pub triangles: u64,
+    /// Smallest kappa; 1 without triangles.
+    #[prost(double, tag = "2")]
+    pub kappa_min: f64,
+    /// Mean kappa; 0 without triangles.
+    #[prost(double, tag = "3")]
+    pub kappa_mean: f64,
+    /// Share of the triangles with kappa below 0.5.
+    #[prost(double, tag = "4")]
+    pub below_half: f64,
+    /// Share of the triangles with kappa below 0.8.
+    #[prost(double, tag = "5")]
+    pub below_four_fifths: f64,
+    /// Efficiency index in percent over the edges of the part. Not set if it has none.
+    #[prost(double, optional, tag = "6")]
+    pub tau: ::core::option::Option<f64>,
+}
+/// Quality at seams (borders between patches that are no feature) and away from them. A face is at a seam if it touches a vertex of an edge
+/// whose two faces come from different patches.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct SeamSplit {
+    /// Faces at a seam, with their edges.
+    #[prost(message, optional, tag = "1")]
+    pub seam: ::core::option::Option<PartQuality>,
+    /// All other faces and edges.
+    #[prost(message, optional, tag = "2")]
+    pub interior: ::core::option::Option<PartQuality>,
+}
+/// The same before and after the optimisation, which moves or removes the vertices of seams: afterwards the patch of a face is that of the
+/// face it descends from, so that seams are known within about one element.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct SeamQuality {
+    /// Of the patch meshes as joined, each optimised inside already.
+    #[prost(message, optional, tag = "1")]
+    pub before: ::core::option::Option<SeamSplit>,
+    /// Of the result.
+    #[prost(message, optional, tag = "2")]
+    pub after: ::core::option::Option<SeamSplit>,
+}
 /// The quality report.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct QualityReport {
@@ -5612,6 +5672,9 @@ pub struct QualityReport {
     /// The worst faces by kappa, worst first, at most 20.
     #[prost(uint32, repeated, tag = "9")]
     pub worst_faces: ::prost::alloc::vec::Vec<u32>,
+    /// Elements at seams apart from the others; only for results of a session or of RemeshMesh.
+    #[prost(message, optional, tag = "10")]
+    pub seams: ::core::option::Option<SeamQuality>,
 }
 /// Request of GetQuality.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]

@@ -5,7 +5,6 @@ use crate::error::Result;
 use crate::features::Features;
 use crate::fingerprint::{Contents, Feeder};
 use crate::mesh::SurfaceMesh;
-use crate::metric::SurfaceMetric;
 use crate::partition::Partition;
 use crate::patch::{Patch, PatchMap};
 use crate::topology::Topology;
@@ -131,14 +130,21 @@ pub fn curve_polyline(mesh: &SurfaceMesh, topology: &Topology, curve: &Curve, ve
     }
 }
 
-/// The polyline of a curve with the sizes that a metric wants along it. The direction at a vertex is that of the chord over about half
+/// The polyline of a curve with the sizes that a metric wants along it: `along` tells the length at a vertex in a direction, `smallest` that
+/// in the direction where it is least. The direction at a vertex is that of the chord over about half
 /// the smallest size wanted there on either side, so that the zigzag of a seam does not count.
-pub fn curve_polyline_in_metric(mesh: &SurfaceMesh, topology: &Topology, curve: &Curve, metric: &SurfaceMetric) -> CurvePolyline {
+pub fn curve_polyline_in_metric(
+    mesh: &SurfaceMesh,
+    topology: &Topology,
+    curve: &Curve,
+    smallest: &[f64],
+    along: &dyn Fn(u32, Vec3) -> f64,
+) -> CurvePolyline {
     let vertices = curve_vertices(topology, curve);
     let points: Vec<Vec3> = vertices.iter().map(|&v| mesh.positions[v as usize]).collect();
     let last = points.len() - 1;
     let sizes = (0..points.len()).map(|i| {
-        let reach = 0.5 * metric.smallest_length(vertices[i]);
+        let reach = 0.5 * smallest[vertices[i] as usize];
         let far = |step: isize| {
             let mut j = i as isize;
             for _ in 0..64 {
@@ -164,7 +170,7 @@ pub fn curve_polyline_in_metric(mesh: &SurfaceMesh, topology: &Topology, curve: 
             }
             points[j as usize]
         };
-        metric.length_along(vertices[i], sub(far(1), far(-1)))
+        along(vertices[i], sub(far(1), far(-1)))
     });
     let sizes = sizes.collect();
     CurvePolyline { points, sizes, closed: curve.closed, kind: curve.kind, min_edges: curve.min_edges }

@@ -1,6 +1,6 @@
 //! Geometry, numerics, stage graph and sessions of remeshd. No sockets, no async runtime, no protocol types.
 //!
-//! The pipeline, in order: [`import`] -> [`topology`] -> [`features`] -> [`partition`] -> [`curve`] and [`patch`] ->
+//! The pipeline, in order: [`import`] -> [`topology`] -> [`features`] -> [`partition`] -> [`cut`] -> [`curve`] and [`patch`] ->
 //! [`parametrize`] -> [`sizing`] -> [`planar`] -> [`assemble`] -> [`optimize`] -> [`quality`].
 //! Every step is a pure function over plain data; [`stage`] ties the functions to cache keys and [`session`] holds inputs.
 
@@ -22,6 +22,7 @@ pub mod bvh;
 pub mod topology;
 
 pub mod curve;
+pub mod cut;
 pub mod features;
 pub mod partition;
 pub mod patch;

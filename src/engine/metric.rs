@@ -7,6 +7,7 @@ pub(crate) mod tensor;
 #[cfg(test)]
 mod tests;
 
+use crate::bvh::closest_on_triangle;
 use crate::curvature::Sectors;
 use crate::error::{EngineError, Result};
 use crate::fingerprint::{Contents, Feeder};
@@ -147,10 +148,14 @@ impl SurfaceMetric {
         (frame, sectors.map(|s| tensor::transport(&self.frames[s], self.forms[s], &frame)))
     }
 
-    /// The tensors at the corners of a face as matrices in space.
-    pub(crate) fn corners(&self, mesh: &SurfaceMesh, face: u32) -> [Sym3; 3] {
-        let (frame, forms) = self.on_face(mesh, face);
-        forms.map(|f| frame.in_space(f))
+    /// The tensors at three points of a face, as matrices in space.
+    pub(crate) fn on_piece(&self, mesh: &SurfaceMesh, face: u32, points: [Vec3; 3]) -> [Sym3; 3] {
+        let corners = mesh.corners(face as usize);
+        if points == corners {
+            let (frame, forms) = self.on_face(mesh, face);
+            return forms.map(|f| frame.in_space(f));
+        }
+        points.map(|p| self.at(mesh, face, closest_on_triangle(p, &corners).1))
     }
 
     /// The tensor at a point of a face, interpolated log-Euclidean between its corners, as a matrix in space that knows nothing of the
@@ -165,10 +170,10 @@ impl SurfaceMetric {
         frame.in_space(tensor::exp(sum))
     }
 
-    /// The smallest length wanted at a vertex, in any direction on any side.
+    /// The smallest length wanted at a vertex, in any direction on any side; 1 at a vertex without a face.
     pub fn smallest_length(&self, vertex: u32) -> f64 {
         let most = self.sectors.of_vertex(vertex).map(|s| tensor::eigenvalues(self.forms[s])[0]).fold(0.0, f64::max);
-        1.0 / most.sqrt()
+        if most > 0.0 { 1.0 / most.sqrt() } else { 1.0 }
     }
 
     /// The length wanted at a vertex along a direction, the smallest of all sides.

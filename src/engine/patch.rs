@@ -3,7 +3,7 @@
 use crate::error::{EngineError, Result};
 use crate::fingerprint::{Contents, Feeder, Fingerprint};
 use crate::mesh::SurfaceMesh;
-use crate::partition::Partition;
+use crate::partition::{Partition, box_aspect_ratio};
 use crate::topology::Topology;
 use crate::vector::{Vec3, distance};
 
@@ -18,24 +18,40 @@ pub struct Patch {
     pub loops: Vec<Vec<u32>>,
 }
 
-/// Where the local elements of a patch are in the surface.
+/// Where the local elements of a patch are in the surface. On a surface that was cut along its borders, splits have made vertices that the
+/// imported mesh does not have; they are numbered after its own.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct PatchMap {
     /// Global vertex of each local vertex. A global vertex occurs twice if the patch touches itself there.
     pub vertices: Vec<u32>,
-    /// Global face of each local face, increasing.
+    /// Imported vertex that names each local vertex: the same, but for a vertex that a split has made the nearer end of its edge.
+    pub named: Vec<u32>,
+    /// Imported face of each local face. Increasing, but for faces that splits have made, which follow.
     pub faces: Vec<u32>,
 }
 
-impl PatchMap {
-    /// Which patch of the surface this is: the fingerprint of its faces as triples of global vertices. Independent of the number of
-    /// the patch, of other patches and of where vertices are. O(faces).
-    pub fn identity(&self, patch: &Patch) -> Fingerprint {
-        let faces: Vec<[u32; 3]> = patch.triangles.iter().map(|t| t.map(|v| self.vertices[v as usize])).collect();
+impl Patch {
+    /// Lower bound of eta: longest side of the oriented box over that of the longest loop (P2 section 2). O(vertices).
+    pub fn box_aspect_ratio(&self) -> f64 {
+        let ring = self.loops.first().map_or(&[][..], |ring| ring);
+        let ring: Vec<Vec3> = ring.iter().map(|&v| self.positions[v as usize]).collect();
+        box_aspect_ratio(&self.positions, &ring)
+    }
+}
+
+/// Which patches these are: for each the fingerprint of its faces as triples of vertices. Independent of the numbers of patches, of other
+/// patches and of where vertices are; to be taken before the surface is cut, so that it does not depend on that either. O(F).
+pub fn patch_identities(mesh: &SurfaceMesh, partition: &Partition) -> Vec<Fingerprint> {
+    let mut faces: Vec<Vec<[u32; 3]>> = vec![Vec::new(); partition.patches.len()];
+    for (t, &p) in mesh.triangles.iter().zip(&partition.face_patch) {
+        faces[p as usize].push(*t);
+    }
+    let identity = |faces: Vec<[u32; 3]>| {
         let mut feeder = Feeder::new();
         feeder.tuples(&faces);
         feeder.finish()
-    }
+    };
+    faces.into_iter().map(identity).collect()
 }
 
 impl Contents for Patch {
@@ -72,6 +88,7 @@ pub fn extract_patches(mesh: &SurfaceMesh, topology: &Topology, partition: &Part
     if let Some(p) = out.iter().position(|(patch, _)| patch.loops.is_empty()) {
         return Err(EngineError::invariant(format!("patch {p} is empty or closed")));
     }
+    out.iter_mut().for_each(|(_, map)| map.named.clone_from(&map.vertices));
     Ok(out)
 }
 

@@ -10,14 +10,17 @@ mod patch_set;
 pub use context::{Event, Progress, Run};
 pub use patch_set::PatchSet;
 
+use crate::assemble::Assembled;
+use crate::cut::CutSurface;
 use crate::engine::Engine;
 use crate::error::{EngineError, Reason, Result};
 use crate::features::Features;
 use crate::import::{ImportOptions, Imported};
+use crate::mesh::SurfaceMesh;
 use crate::metric::SurfaceMetric;
 use crate::optimize::Remeshed;
 use crate::parametrize::{Chart, ChartAttempt, ChartOutcome, ChartSpec, Distortion};
-use crate::partition::Partition;
+use crate::partition::{Partition, PatchSummary, box_aspect_ratios};
 use crate::planar::LiftedPatch;
 use crate::quality::{QualityReport, QualityScope};
 use crate::session::{MeshSource, Snapshot};
@@ -25,6 +28,7 @@ use crate::sizing::{SizeField, SizeSpec};
 use crate::stage::{StageRecord, Stored};
 use crate::topology::Topology;
 use crate::vector::Vec2;
+use crate::work::Work;
 use context::Context;
 
 /// A result with what it took.
@@ -45,6 +49,22 @@ pub struct Surface {
     pub topology: Stored<Topology>,
 }
 
+/// A partition, and the surface split along it if its borders are to be straight.
+#[derive(Debug, Clone)]
+pub struct Partitioned {
+    /// The partition.
+    pub partition: Stored<Partition>,
+    /// The split surface.
+    pub cut: Option<Stored<CutSurface>>,
+}
+
+impl Partitioned {
+    /// The patches as they are mapped.
+    pub fn summaries(&self) -> &[PatchSummary] {
+        self.cut.as_ref().map_or(&self.partition.patches, |cut| &cut.partition.patches)
+    }
+}
+
 /// A partitioned surface with a chart for every patch.
 #[derive(Debug, Clone)]
 pub struct Charts {
@@ -54,6 +74,8 @@ pub struct Charts {
     pub features: Stored<Features>,
     /// The partition all of whose patches have a chart.
     pub partition: Stored<Partition>,
+    /// The surface split along straight borders, if they were asked for: what the patches are cut out of.
+    pub cut: Option<Stored<CutSurface>>,
     /// The patches.
     pub patches: Stored<PatchSet>,
     /// Outcome of each patch; all are mapped.
@@ -71,6 +93,8 @@ pub struct Layout {
     pub features: Stored<Features>,
     /// The partition: its patches have a chart or a specification that gives none.
     pub partition: Stored<Partition>,
+    /// The surface split along straight borders, if they were asked for: what the patches are cut out of.
+    pub cut: Option<Stored<CutSurface>>,
     /// The patches.
     pub patches: Stored<PatchSet>,
     /// Chart of each patch (mapped), or what is wrong with its specification.
@@ -80,6 +104,11 @@ pub struct Layout {
 }
 
 impl Layout {
+    /// The patches as they are mapped: with straight borders their numbers are those of the split surface.
+    pub fn summaries(&self) -> &[PatchSummary] {
+        self.cut.as_ref().map_or(&self.partition.patches, |cut| &cut.partition.patches)
+    }
+
     /// # Errors
     /// [`Reason::PatchNotFound`] for a number that no patch has.
     pub fn check_patch(&self, patch: u32) -> Result<usize> {
@@ -133,6 +162,14 @@ pub enum ChartVerdict {
 }
 
 impl Charts {
+    /// The surface that the patches are cut out of: the imported one, or that split along straight borders.
+    pub fn ground(&self) -> (&SurfaceMesh, &Topology) {
+        match &self.cut {
+            Some(cut) => (&cut.mesh, &cut.topology),
+            None => (&self.surface.imported.mesh, &self.surface.topology),
+        }
+    }
+
     /// The chart of a patch.
     pub fn chart(&self, patch: usize) -> Option<&Chart> {
         match &*self.charts.get(patch)?.value {
@@ -151,6 +188,8 @@ pub struct Remesh {
     pub sizes: Stored<SizeField>,
     /// The metric, if the mesher follows one.
     pub metric: Option<Stored<SurfaceMetric>>,
+    /// The mesh before the optimisation.
+    pub assembled: Stored<Assembled>,
     /// The finished mesh.
     pub result: Stored<Remeshed>,
 }
@@ -190,15 +229,28 @@ pub fn surface(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<An
     Context::execute(engine, run, |context| graph::surface_step(context, snapshot))
 }
 
-/// Partitions the surface (before any split that charts ask for).
+/// Partitions the surface (before any split that charts ask for). With straight borders the numbers of the patches are those of the
+/// surface split along them.
 ///
 /// # Errors
 /// Those of [`surface`], [`detect_features`] and [`partition_surface`].
-pub fn partition(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Answer<Stored<Partition>>> {
+pub fn partition(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Answer<Partitioned>> {
+    Context::execute(engine, run, |context| graph::partitioned_step(context, snapshot).map(|found| found.1))
+}
+
+/// As [`partition`], with the aspect ratio of each patch by oriented boxes, which are computed for this answer alone.
+///
+/// # Errors
+/// Those of [`partition`].
+pub fn partition_and_boxes(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Answer<(Partitioned, Vec<f64>)>> {
     Context::execute(engine, run, |context| {
-        let surface = graph::surface_step(context, snapshot)?;
-        let features = graph::features_step(context, snapshot, &surface)?;
-        graph::partition_step(context, snapshot, &surface, &features)
+        let (surface, partitioned) = graph::partitioned_step(context, snapshot)?;
+        let work = Work::silent(run.cancel);
+        let boxes = match &partitioned.cut {
+            Some(cut) => box_aspect_ratios(&cut.mesh, &cut.topology, &cut.partition, &work)?,
+            None => box_aspect_ratios(&surface.imported.mesh, &surface.topology, &partitioned.partition, &work)?,
+        };
+        Ok((partitioned, boxes))
     })
 }
 
@@ -292,7 +344,7 @@ pub fn remesh_patches(
         }
         let sizes = graph::size_step(context, snapshot, &charts)?;
         let metric = graph::metric_step(context, snapshot, &charts, &sizes)?;
-        let lengths = graph::Wanted { sizes: &sizes, metric: metric.as_deref() };
+        let lengths = graph::Wanted { vertex_size: &sizes.vertex_size, metric: metric.as_deref() };
         let meshes = graph::lifted_step(context, snapshot, &charts, lengths, patches)?;
         Ok((charts, meshes.lifted))
     })

@@ -3,6 +3,7 @@
 mod distance;
 mod edges;
 pub mod intersect;
+pub mod seams;
 mod shape;
 
 use crate::bvh::TriangleBvh;
@@ -113,6 +114,8 @@ pub struct QualityReport {
     pub intersecting_pairs: Vec<[u32; 2]>,
     /// The worst faces by kappa, worst first, at most 20.
     pub worst_faces: Vec<u32>,
+    /// Elements at seams between patches apart from the others; `None` where no patches are known (two files are compared).
+    pub seams: Option<seams::SeamQuality>,
 }
 
 /// What to measure.

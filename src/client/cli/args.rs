@@ -209,7 +209,7 @@ pub(crate) struct InputArgs {
     /// Point and normal of the plane of `--partition-strategy plane`; without it the best of a few planes is taken
     #[arg(long, value_name = "X,Y,Z,NX,NY,NZ", value_parser = plane, allow_negative_numbers = true, allow_hyphen_values = true)]
     pub(crate) plane: Option<PlaneArg>,
-    /// What is done to the borders between patches [default: vote]
+    /// What is done to the borders between patches [default: geodesic]
     #[arg(long, value_name = "HOW")]
     pub(crate) borders: Option<BorderChoice>,
     /// Rounds of optimisation across patch borders; 0 leaves the mesh as it was joined [default: 5]
@@ -282,7 +282,7 @@ pub(crate) struct SampleSpecArgs {
     /// The same as a linear measure: about 2 N^2 triangles, as N by N squares have
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
     pub(crate) resolution: Option<u64>,
-    /// Handles (genus) of the pelvis or of the brake
+    /// Handles (genus) of the pelvis, of the brake or of the lattice
     #[arg(long, value_name = "N")]
     pub(crate) genus: Option<u32>,
     /// Outlets of the artery

@@ -121,7 +121,22 @@ pub(crate) fn quality(report: &v1::QualityReport) -> Value {
         "self_intersections": report.self_intersections,
         "intersecting_pairs": report.intersecting_pairs.iter().map(|pair| [pair.first, pair.second]).collect::<Vec<_>>(),
         "worst_faces": report.worst_faces,
+        "seams": report.seams.as_ref().map(|q| json!({ "before": q.before.map(seam_split), "after": q.after.map(seam_split) })),
     })
+}
+
+fn seam_split(split: v1::SeamSplit) -> Value {
+    let part = |part: v1::PartQuality| {
+        json!({
+            "triangles": part.triangles,
+            "kappa_min": part.kappa_min,
+            "kappa_mean": part.kappa_mean,
+            "below_half": part.below_half,
+            "below_four_fifths": part.below_four_fifths,
+            "tau": part.tau,
+        })
+    };
+    json!({ "seam": split.seam.map(part), "interior": split.interior.map(part) })
 }
 
 fn group(group: &Group) -> Value {

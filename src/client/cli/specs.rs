@@ -60,6 +60,7 @@ pub(crate) fn sample_spec(args: &SampleSpecArgs) -> v1::SampleSpec {
         SampleName::Brake => v1::SampleKind::Brake,
         SampleName::CadPart => v1::SampleKind::CadPart,
         SampleName::Tube => v1::SampleKind::Tube,
+        SampleName::Lattice => v1::SampleKind::Lattice,
     };
     v1::SampleSpec {
         kind: kind.into(),
@@ -209,6 +210,7 @@ fn put_partition(args: &InputArgs, spec: &mut v1::PartitionSpec) -> bool {
             PartitionStrategy::Laplace => v1::PartitionStrategy::Laplace,
             PartitionStrategy::MaxCut => v1::PartitionStrategy::MaxCut,
             PartitionStrategy::Handles => v1::PartitionStrategy::Handles,
+            PartitionStrategy::Pants => v1::PartitionStrategy::Pants,
             PartitionStrategy::Plane => v1::PartitionStrategy::Plane,
         });
         // A strategy named anew has the plane named with it, or finds one.
@@ -222,6 +224,7 @@ fn put_partition(args: &InputArgs, spec: &mut v1::PartitionSpec) -> bool {
         spec.set_borders(match borders {
             BorderChoice::Vote => v1::PartitionBorders::Vote,
             BorderChoice::Shortest => v1::PartitionBorders::Shortest,
+            BorderChoice::Geodesic => v1::PartitionBorders::Geodesic,
         });
     }
     let numbers = args.patches.is_some() || args.max_patch_faces.is_some() || args.max_aspect_ratio.is_some();

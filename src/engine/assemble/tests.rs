@@ -48,7 +48,7 @@ fn half(mesh: &SurfaceMesh, up: f64) -> (Patch, PatchMap, Chart) {
     let loops = topology.loops.iter().map(|l| l.iter().map(|&h| topology.origin(h)).collect()).collect();
     let uv = positions.iter().map(|p| [p[0] / (1.0 + up * p[2]), up * p[1] / (1.0 + up * p[2])]).collect();
     let chart = Chart { uv, method: ChartMethod::SpectralConformal, attempts: Vec::new(), distortion: Distortion::default() };
-    (Patch { positions, triangles, loops }, PatchMap { vertices: vertices.clone(), faces: mine }, chart)
+    (Patch { positions, triangles, loops }, PatchMap { named: vertices.clone(), vertices: vertices.clone(), faces: mine }, chart)
 }
 
 fn joined(size: f64) -> (SurfaceMesh, Result<Assembled>) {

@@ -104,7 +104,6 @@ impl Piece {
             genus: self.genus().max(0) as u32,
             border_length: self.border_length,
             aspect_ratio: self.aspect_ratio(),
-            box_aspect_ratio: 0.0,
         }
     }
 }

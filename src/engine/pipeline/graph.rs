@@ -5,13 +5,14 @@ use super::context::{Context, Halt, Step};
 use super::kept::Kept;
 use super::naming::{on_surface, refusal};
 use super::patch_set::PatchSet;
-use super::{Charts, Layout, Remesh, Surface};
+use super::{Charts, Layout, Partitioned, Remesh, Surface};
 use crate::assemble::{Assembled, assemble};
 use crate::bvh::{TriangleBvh, closest_on_triangle};
 use crate::curvature::curvature;
 use crate::curve::{
     CurveMesh, CurvePolyline, PatchCurve, curve_polyline, curve_polyline_in_metric, mesh_curve, patch_curves, trace_curves,
 };
+use crate::cut::{CutSurface, cut_along_borders};
 use crate::error::{EngineError, Reason, Result};
 use crate::features::{Features, detect_features};
 use crate::fingerprint::Contents;
@@ -23,15 +24,17 @@ use crate::parametrize::{
     BoundaryFactor, ChartFactor, ChartOutcome, ChartSpec, ChartSystem, MapSpec, ProblemSpec, SolvedMap, Weights, candidate_maps, conclude,
     factor_boundary, factor_system, next_map, plan_system, solve_map, unsolved_map,
 };
-use crate::partition::{Partition, partition_surface, split_patches};
-use crate::patch::{PatchMap, extract_patches};
+use crate::partition::{BorderSmoothing, Partition, partition_surface, split_patches};
+use crate::patch::{PatchMap, extract_patches, patch_identities};
 use crate::planar::{CurveUse, Lengths, LiftedPatch, Mesher, PlanarMesh, VertexOrigin, lift, mesh_chart_in};
+use crate::quality::seams::{Patched, SeamQuality, measure_seams};
 use crate::quality::{QualityReport, QualityScope, TargetSize, measure_quality};
 use crate::sample;
 use crate::session::{MeshSource, Snapshot};
 use crate::sizing::{SizeField, evaluate_size};
 use crate::stage::{Stage, StageKey, Stored, Subject};
 use crate::topology::Topology;
+use crate::vector::Vec3;
 use std::sync::Arc;
 
 /// Passes over the curvatures of neighbours before a metric is made of them: scans are noisy.
@@ -80,12 +83,7 @@ pub(super) fn features_step(context: &Context<'_>, snapshot: &Snapshot, surface:
     context.stage(key, Subject::Surface, |work| detect_features(&surface.imported.mesh, &surface.topology, spec, work))
 }
 
-pub(super) fn partition_step(
-    context: &Context<'_>,
-    snapshot: &Snapshot,
-    surface: &Surface,
-    features: &Stored<Features>,
-) -> Step<Stored<Partition>> {
+fn partition_step(context: &Context<'_>, snapshot: &Snapshot, surface: &Surface, features: &Stored<Features>) -> Step<Stored<Partition>> {
     let spec = &snapshot.partition;
     let key = StageKey::new(Stage::Partition, |f| {
         f.fingerprint(surface.imported.output).fingerprint(features.output).text(&format!("{spec:?}"));
@@ -93,21 +91,64 @@ pub(super) fn partition_step(
     context.stage(key, Subject::Surface, |work| partition_surface(&surface.imported.mesh, &surface.topology, features, spec, work))
 }
 
+/// The surface split along straight borders, if the snapshot asks for them.
+fn cut_step(
+    context: &Context<'_>,
+    snapshot: &Snapshot,
+    surface: &Surface,
+    features: &Stored<Features>,
+    partition: &Stored<Partition>,
+) -> Step<Option<Stored<CutSurface>>> {
+    if snapshot.partition.borders != BorderSmoothing::Geodesic {
+        return Ok(None);
+    }
+    let most = snapshot.partition.max_aspect_ratio;
+    let key = StageKey::new(Stage::Cut, |f| {
+        f.fingerprint(surface.imported.output).fingerprint(features.output).fingerprint(partition.output).f64(most);
+    });
+    let mesh = &surface.imported.mesh;
+    let cut = context.stage(key, Subject::Surface, |work| cut_along_borders(mesh, &surface.topology, features, partition, most, work))?;
+    Ok(Some(cut))
+}
+
+/// The partition before any split that charts ask for.
+pub(super) fn partitioned_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<(Surface, Partitioned)> {
+    let surface = surface_step(context, snapshot)?;
+    let features = features_step(context, snapshot, &surface)?;
+    let partition = partition_step(context, snapshot, &surface, &features)?;
+    let cut = cut_step(context, snapshot, &surface, &features, &partition)?;
+    Ok((surface, Partitioned { partition, cut }))
+}
+
 fn patches_step(
     context: &Context<'_>,
     surface: &Surface,
     features: &Stored<Features>,
     partition: &Stored<Partition>,
+    cut: Option<&Stored<CutSurface>>,
 ) -> Step<Stored<PatchSet>> {
     let key = StageKey::new(Stage::Patches, |f| {
         f.fingerprint(surface.imported.output).fingerprint(features.output).fingerprint(partition.output);
+        cut.into_iter().for_each(|cut| {
+            f.fingerprint(cut.output);
+        });
     });
     context.stage(key, Subject::Surface, |_| {
-        let network = trace_curves(&surface.topology, features, partition);
-        let cut = extract_patches(&surface.imported.mesh, &surface.topology, partition)?;
-        let uses = patch_curves(&surface.topology, &network, partition, &cut);
-        let identities = cut.iter().map(|(patch, map)| map.identity(patch)).collect();
-        let patches = cut.into_iter().map(|(patch, map)| {
+        let identities = patch_identities(&surface.imported.mesh, partition);
+        let (mesh, topology, features, partition): (_, _, &Features, &Partition) = match cut {
+            Some(cut) => (&cut.mesh, &cut.topology, &cut.features, &cut.partition),
+            None => (&surface.imported.mesh, &*surface.topology, features, partition),
+        };
+        let network = trace_curves(topology, features, partition);
+        let mut parts = extract_patches(mesh, topology, partition)?;
+        let uses = patch_curves(topology, &network, partition, &parts);
+        if let Some(cut) = cut {
+            for (_, map) in &mut parts {
+                map.faces.iter_mut().for_each(|f| *f = cut.face_origin[*f as usize]);
+                map.named.iter_mut().for_each(|v| *v = cut.vertex_before(*v));
+            }
+        }
+        let patches = parts.into_iter().map(|(patch, map)| {
             let fingerprint = patch.fingerprint();
             (Arc::new(patch), fingerprint, Arc::new(map))
         });
@@ -123,9 +164,9 @@ fn largest_first(patches: &PatchSet, listed: impl Iterator<Item = usize>) -> Vec
 }
 
 pub(super) fn charts_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Charts> {
-    let Layout { surface, features, partition, patches, charts, resplit } = layout_step(context, snapshot)?;
+    let Layout { surface, features, partition, cut, patches, charts, resplit } = layout_step(context, snapshot)?;
     let charts = charts.into_iter().collect::<Result<Vec<_>>>()?;
-    Ok(Charts { surface, features, partition, patches, charts, resplit })
+    Ok(Charts { surface, features, partition, cut, patches, charts, resplit })
 }
 
 /// The partition all of whose patches have a chart or a specification that gives none. A patch with a specification of its own is never
@@ -136,7 +177,8 @@ pub(super) fn layout_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<La
     let mut partition = partition_step(context, snapshot, &surface, &features)?;
     let mut resplit = 0;
     for _ in 0..=MAX_RESPLITS {
-        let patches = patches_step(context, &surface, &features, &partition)?;
+        let cut = cut_step(context, snapshot, &surface, &features, &partition)?;
+        let patches = patches_step(context, &surface, &features, &partition, cut.as_ref())?;
         let order = largest_first(&patches, 0..patches.patches.len());
         let charts = context.each(&order, |p| spec_and_chart_step(context, snapshot, &surface, &patches, p))?;
         let failing: Vec<u32> = (0..charts.len())
@@ -144,7 +186,7 @@ pub(super) fn layout_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<La
             .map(|p| p as u32)
             .collect();
         if failing.is_empty() {
-            return Ok(Layout { surface, features, partition, patches, charts, resplit });
+            return Ok(Layout { surface, features, partition, cut, patches, charts, resplit });
         }
         resplit += failing.len() as u32;
         let key = StageKey::new(Stage::Partition, |f| {
@@ -342,8 +384,19 @@ pub(super) fn metric_step(
 /// What a mesh is made to: sizes, and the metric of the anisotropic mesher.
 #[derive(Clone, Copy)]
 pub(super) struct Wanted<'a> {
-    pub(super) sizes: &'a SizeField,
+    /// Lengths at the vertices of the imported surface; in [`lifted_step`] at those of the surface the patches are cut out of.
+    pub(super) vertex_size: &'a [f64],
     pub(super) metric: Option<&'a SurfaceMetric>,
+}
+
+impl Wanted<'_> {
+    /// Length at each vertex, the smallest of all directions.
+    fn of_vertices(&self, mesh: &SurfaceMesh) -> Vec<f64> {
+        match self.metric {
+            None => self.vertex_size.to_vec(),
+            Some(metric) => (0..mesh.positions.len() as u32).map(|v| metric.smallest_length(v)).collect(),
+        }
+    }
 }
 
 /// Lifted meshes of patches and the curve meshes they share.
@@ -364,6 +417,11 @@ pub(super) fn lifted_step(
     let mut wanted: Vec<usize> = listed.iter().flat_map(|&p| patches.uses[p as usize].iter().map(|u| u.curve as usize)).collect();
     wanted.sort_unstable();
     wanted.dedup();
+    // Sizes at the vertices of the surface that the patches are cut out of.
+    let of_vertices = lengths.of_vertices(&charts.surface.imported.mesh);
+    let split_sizes = charts.cut.as_ref().map(|cut| cut.at_vertices(&of_vertices));
+    let vertex_size = split_sizes.as_deref().unwrap_or(&of_vertices);
+    let lengths = Wanted { vertex_size, ..lengths };
     let meshed = context.each(&wanted, |c| curve_step(context, charts, lengths, c))?;
     let mut curves = vec![None; patches.network.curves.len()];
     for (c, mesh) in wanted.into_iter().zip(meshed) {
@@ -379,12 +437,22 @@ pub(super) fn lifted_step(
 }
 
 fn curve_step(context: &Context<'_>, charts: &Charts, lengths: Wanted<'_>, c: usize) -> Step<Stored<CurveMesh>> {
-    let surface = &charts.surface;
+    let (mesh, topology) = charts.ground();
     let curve = &charts.patches.network.curves[c];
-    let mesh = &surface.imported.mesh;
     let polyline: CurvePolyline = match lengths.metric {
-        None => curve_polyline(mesh, &surface.topology, curve, &lengths.sizes.vertex_size),
-        Some(metric) => curve_polyline_in_metric(mesh, &surface.topology, curve, metric),
+        None => curve_polyline(mesh, topology, curve, lengths.vertex_size),
+        Some(metric) => {
+            let before = charts.surface.imported.mesh.positions.len();
+            let split = |v: u32| charts.cut.as_ref().and_then(|cut| cut.new_vertices.get((v as usize).checked_sub(before)?));
+            let along = |v: u32, direction: Vec3| match split(v) {
+                None => metric.length_along(v, direction),
+                Some(p) => {
+                    let [a, b] = p.ends.map(|v| metric.length_along(v, direction));
+                    a + p.t * (b - a)
+                }
+            };
+            curve_polyline_in_metric(mesh, topology, curve, lengths.vertex_size, &along)
+        }
     };
     let key = StageKey::new(Stage::Curve, |f| polyline.feed(f));
     context.stage(key, Subject::Curve(c as u32), |work| mesh_curve(&polyline, work))
@@ -401,16 +469,12 @@ fn lift_step(
     let (patch, fingerprint, map) = &charts.patches.patches[p];
     let subject = Subject::Patch(p as u32);
     let chart = charts.chart(p).ok_or_else(|| EngineError::invariant(format!("patch {p} has no chart")))?;
-    let local_size: Vec<f64> = map
-        .vertices
-        .iter()
-        .map(|&v| match lengths.metric {
-            None => lengths.sizes.vertex_size[v as usize],
-            Some(metric) => metric.smallest_length(v),
-        })
-        .collect();
-    let tensors: Option<Vec<[[f64; 6]; 3]>> =
-        lengths.metric.map(|metric| map.faces.iter().map(|&f| metric.corners(&charts.surface.imported.mesh, f)).collect());
+    let local_size: Vec<f64> = map.vertices.iter().map(|&v| lengths.vertex_size[v as usize]).collect();
+    let imported = &charts.surface.imported.mesh;
+    let tensors: Option<Vec<[[f64; 6]; 3]>> = lengths.metric.map(|metric| {
+        let places = patch.triangles.iter().map(|t| t.map(|v| patch.positions[v as usize]));
+        map.faces.iter().zip(places).map(|(&f, places)| metric.on_piece(imported, f, places)).collect()
+    });
     let uses = &charts.patches.uses[p];
     let mut meshes = Vec::with_capacity(uses.len());
     for used in uses {
@@ -467,7 +531,7 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
     let sizes = size_step(context, snapshot, &charts).map_err(below)?;
     let all: Vec<u32> = (0..charts.charts.len() as u32).collect();
     let metric = metric_step(context, snapshot, &charts, &sizes).map_err(below)?;
-    let lengths = Wanted { sizes: &sizes, metric: metric.as_deref() };
+    let lengths = Wanted { vertex_size: &sizes.vertex_size, metric: metric.as_deref() };
     let meshes = lifted_step(context, snapshot, &charts, lengths, &all).map_err(below)?;
     let tree = tree.map_err(below)?;
     let assembled = assembly_step(context, &charts, &meshes).map_err(below)?;
@@ -483,7 +547,7 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
         None => optimize_surface(input, &tree.value.output, &assembled, Interiors::Optimized, &sizes, spec, work),
         Some(metric) => optimize_in_metric(input, &tree.value.output, &assembled, metric, spec, work),
     })?;
-    Ok(Remesh { charts, sizes, metric, result })
+    Ok(Remesh { charts, sizes, metric, assembled, result })
 }
 
 fn assembly_step(context: &Context<'_>, charts: &Charts, meshes: &Lifted) -> Step<Stored<Assembled>> {
@@ -499,8 +563,8 @@ fn assembly_step(context: &Context<'_>, charts: &Charts, meshes: &Lifted) -> Ste
         let numbered: Vec<(Arc<LiftedPatch>, &PatchMap)> = (0..meshes.lifted.len())
             .map(|p| (Arc::new(with_network_numbers(&meshes.lifted[p], &charts.patches.uses[p])), &*charts.patches.patches[p].2))
             .collect();
-        let surface = &charts.surface;
-        assemble(&surface.imported.mesh, &surface.topology, &charts.features.corners, &charts.patches.network, &curve_meshes, &numbered)
+        let topology = charts.ground().1;
+        assemble(&charts.surface.imported.mesh, topology, &charts.features.corners, &charts.patches.network, &curve_meshes, &numbered)
     })
 }
 
@@ -531,37 +595,48 @@ pub(super) fn quality_step(context: &Context<'_>, remesh: &Remesh, scope: Qualit
     let surface = &remesh.charts.surface;
     let tree = search_tree_step(context, &surface.imported)?;
     let key = StageKey::new(Stage::Quality, |f| {
-        f.fingerprint(surface.imported.output).fingerprint(remesh.result.output).fingerprint(remesh.sizes.output).u64(scope as u64);
+        f.fingerprint(surface.imported.output).fingerprint(remesh.assembled.output).fingerprint(remesh.result.output);
+        f.fingerprint(remesh.sizes.output).u64(scope as u64);
         if let Some(metric) = &remesh.metric {
             f.fingerprint(metric.output);
         }
     });
     context.stage(key, Subject::Surface, |work| {
-        let output = &remesh.result.mesh;
-        let target = match (&remesh.metric, remesh.sizes.uniform) {
-            (Some(metric), _) => TargetSize::Metric(metric_on_output(surface, &tree.value.output, metric, output)?),
-            (None, Some(size)) => TargetSize::Uniform(size),
-            (None, None) => TargetSize::PerVertex(sizes_on_output(surface, &tree.value.output, &remesh.sizes, output)?),
+        let (output, assembled) = (&remesh.result.mesh, &remesh.assembled);
+        let target = |positions: &[Vec3]| match (&remesh.metric, remesh.sizes.uniform) {
+            (Some(metric), _) => metric_at(surface, &tree.value.output, metric, positions).map(TargetSize::Metric),
+            (None, Some(size)) => Ok(TargetSize::Uniform(size)),
+            (None, None) => sizes_at(surface, &tree.value.output, &remesh.sizes, positions).map(TargetSize::PerVertex),
         };
-        measure_quality(&surface.imported.mesh, &tree.value.output, output, Some(&target), scope, work)
+        let (size, size_before) = (target(&output.positions)?, target(&assembled.positions)?);
+        let before = Patched {
+            positions: &assembled.positions,
+            triangles: &assembled.triangles,
+            face_patch: &assembled.face_patch,
+            curve_edges: &assembled.curve_edges,
+        };
+        let after = Patched::of(output, &remesh.result.face_patch, &remesh.result.curve_edges);
+        let seams = SeamQuality { before: measure_seams(&before, &size_before), after: measure_seams(&after, &size) };
+        let report = measure_quality(&surface.imported.mesh, &tree.value.output, output, Some(&size), scope, work)?;
+        Ok(QualityReport { seams: Some(seams), ..report })
     })
 }
 
-/// The metric at the vertices of the output.
-fn metric_on_output(surface: &Surface, tree: &TriangleBvh, metric: &SurfaceMetric, output: &SurfaceMesh) -> Result<Vec<[f64; 6]>> {
+/// The metric at points near the input.
+fn metric_at(surface: &Surface, tree: &TriangleBvh, metric: &SurfaceMetric, points: &[Vec3]) -> Result<Vec<[f64; 6]>> {
     let input = &surface.imported.mesh;
-    let at = |point: &[f64; 3]| {
+    let at = |point: &Vec3| {
         let hit = tree.closest(*point).ok_or_else(|| EngineError::invariant("the search tree is empty"))?;
         let (_, barycentric) = closest_on_triangle(*point, &input.corners(hit.face as usize));
         Ok(metric.at(input, hit.face, barycentric))
     };
-    output.positions.iter().map(at).collect()
+    points.iter().map(at).collect()
 }
 
-/// The size field at the vertices of the output, linear on the input face below each.
-fn sizes_on_output(surface: &Surface, tree: &TriangleBvh, sizes: &SizeField, output: &SurfaceMesh) -> Result<Vec<f64>> {
+/// The size field at points near the input, linear on the input face below each.
+fn sizes_at(surface: &Surface, tree: &TriangleBvh, sizes: &SizeField, points: &[Vec3]) -> Result<Vec<f64>> {
     let input = &surface.imported.mesh;
-    let at = |point: &[f64; 3]| {
+    let at = |point: &Vec3| {
         let hit = tree.closest(*point).ok_or_else(|| EngineError::invariant("the search tree is empty"))?;
         let [a, b, c] = input.corners(hit.face as usize);
         let [i, j, k] = input.triangles[hit.face as usize].map(|v| sizes.vertex_size[v as usize]);
@@ -570,7 +645,7 @@ fn sizes_on_output(surface: &Surface, tree: &TriangleBvh, sizes: &SizeField, out
         let sum = wa + wb + wc;
         Ok(if sum > 0.0 { (wa * i + wb * j + wc * k) / sum } else { i })
     };
-    output.positions.iter().map(at).collect()
+    points.iter().map(at).collect()
 }
 
 pub(super) fn compare_step(

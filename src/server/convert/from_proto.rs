@@ -192,8 +192,9 @@ pub(crate) fn partition(spec: &v1::PartitionSpec) -> Result<PartitionSpec> {
     let max_patch_faces = spec.max_patch_faces.unwrap_or(default.max_patch_faces);
     let strategy = strategy(spec)?;
     let borders = match known(spec.borders, "partition.borders")? {
-        v1::PartitionBorders::Unspecified | v1::PartitionBorders::Vote => BorderSmoothing::Vote,
+        v1::PartitionBorders::Vote => BorderSmoothing::Vote,
         v1::PartitionBorders::Shortest => BorderSmoothing::Shortest,
+        v1::PartitionBorders::Unspecified | v1::PartitionBorders::Geodesic => BorderSmoothing::Geodesic,
     };
     Ok(PartitionSpec { patches: spec.patches, max_patch_faces, max_aspect_ratio, strategy, borders })
 }
@@ -205,6 +206,7 @@ fn strategy(spec: &v1::PartitionSpec) -> Result<PartitionStrategy> {
         v1::PartitionStrategy::Laplace => PartitionStrategy::Laplace,
         v1::PartitionStrategy::MaxCut => PartitionStrategy::MaxCut,
         v1::PartitionStrategy::Handles => PartitionStrategy::Handles,
+        v1::PartitionStrategy::Pants => PartitionStrategy::Pants,
         v1::PartitionStrategy::Plane => return Ok(PartitionStrategy::Plane { plane: spec.plane.as_ref().map(plane).transpose()? }),
     };
     match spec.plane {
@@ -380,6 +382,7 @@ pub(crate) fn sample(engine: &Engine, spec: &v1::SampleSpec) -> Result<SampleSpe
             v1::SampleKind::Brake => SampleKind::Brake,
             v1::SampleKind::CadPart => SampleKind::CadPart,
             v1::SampleKind::Tube => SampleKind::Tube,
+            v1::SampleKind::Lattice => SampleKind::Lattice,
         },
         triangles,
         genus: spec.genus,

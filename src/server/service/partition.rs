@@ -35,14 +35,16 @@ pub(crate) fn weight_of_layout(shared: &Shared, run: &Run<'_>, target: &Target) 
 
 fn partition(shared: &Shared, run: &Run<'_>, target: &Target) -> EngineResult<v1::PartitionResult> {
     let begin = Instant::now();
-    let answer = pipeline::partition(&shared.engine, &target.snapshot, run)?;
-    let patches = answer.value.patches.iter().enumerate().map(|(number, patch)| to_proto::patch_summary(number, patch)).collect();
-    let (strategy, plane) = to_proto::strategy(answer.value.strategy);
+    let answer = pipeline::partition_and_boxes(&shared.engine, &target.snapshot, run)?;
+    let (partitioned, boxes) = answer.value;
+    let numbered = partitioned.summaries().iter().zip(boxes).enumerate();
+    let patches = numbered.map(|(number, (patch, ratio))| to_proto::patch_summary(number, patch, ratio)).collect();
+    let (strategy, plane) = to_proto::strategy(partitioned.partition.strategy);
     Ok(v1::PartitionResult {
         patches,
         summary: Some(to_proto::summary(&answer.records, begin.elapsed().as_secs_f64() * 1e3)),
         strategy: strategy.into(),
-        reason: answer.value.reason.clone(),
+        reason: partitioned.partition.reason.clone(),
         plane,
     })
 }
@@ -64,7 +66,7 @@ fn read(
     let number = check_patch(&layout, request.patch)?;
     let (patch, _, map) = &layout.patches.patches[number];
     let header = v1::PatchDataHeader {
-        patch: layout.partition.patches.get(number).map(|patch| to_proto::patch_summary(number, patch)),
+        patch: layout.summaries().get(number).map(|summary| to_proto::patch_summary(number, summary, patch.box_aspect_ratio())),
         vertices: patch.positions.len() as u64,
         faces: patch.triangles.len() as u64,
         summary: Some(to_proto::summary(&answer.records, begin.elapsed().as_secs_f64() * 1e3)),
@@ -72,7 +74,7 @@ fn read(
     let (patch, map) = (patch.clone(), map.clone());
     let column = move |kind| match kind {
         v1::DataColumn::Triangles => Column::u32s(kind, patch.clone(), |p| &p.triangles),
-        v1::DataColumn::SourceVertex => Column::indices(kind, map.clone(), |m| &m.vertices),
+        v1::DataColumn::SourceVertex => Column::indices(kind, map.clone(), |m| &m.named),
         v1::DataColumn::SourceFace => Column::indices(kind, map.clone(), |m| &m.faces),
         _ => Column::f64s(kind, patch.clone(), |p| &p.positions),
     };

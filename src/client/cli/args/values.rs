@@ -60,7 +60,7 @@ pub(crate) enum ChartMethod {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum PartitionStrategy {
-    /// The engine chooses: today always multilevel
+    /// The engine chooses the fewest patches among the strategies that fit the shape
     Auto,
     /// Recursive cuts of the dual graph
     Multilevel,
@@ -70,6 +70,8 @@ pub(crate) enum PartitionStrategy {
     MaxCut,
     /// Along short loops around or along handles
     Handles,
+    /// Into parts with three loops (pants decomposition)
+    Pants,
     /// By a plane through the handles
     Plane,
 }
@@ -80,6 +82,8 @@ pub(crate) enum BorderChoice {
     Vote,
     /// Then borders are laid along shortest paths within a band
     Shortest,
+    /// Then borders are shortened over the surface, and triangles are split along them
+    Geodesic,
 }
 
 /// A plane.
@@ -168,6 +172,8 @@ pub(crate) enum SampleName {
     CadPart,
     /// Tube, open at both ends
     Tube,
+    /// Struts along the net of a gyroid, of high genus, marching cubes style
+    Lattice,
 }
 
 fn number(text: &str) -> Result<f64, String> {
