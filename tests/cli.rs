@@ -277,6 +277,14 @@ fn chart_of_a_patch(at: &dyn Fn(&[&str]) -> Answer, has: &dyn Fn(&[&str], &str),
     has(&["chart", "plan", session, "0", "--method", "lscm"], "will run chart patch 0");
     has(&["chart", "preview", session, "0", "--method", "lscm"], "lscm");
     has(&["chart", "plan", session, "0", "--method", "lscm"], "0 to run");
+    has(&["patch", "split", session, "0"], "split");
+    has(&["partition", session], "edit 1");
+    assert_eq!(at(&["patch", "merge", session, "0"]).code, Some(2), "two patches at least");
+    assert_eq!(at(&["patch", "merge", session, "0", "4000"]).code, Some(1));
+    assert_eq!(at(&["patch", "reassign", session, "0", "--faces", "4000000"]).code, Some(1));
+    has(&["patch", "reset", session], "1 taken back");
+    has(&["set", session, "--merge-angle", "20", "--merge-below-size", "none", "--compound", "none"], "revision");
+    has(&["set", session, "--merge-angle", "none"], "revision");
     has(&["chart", "set", session, "0", "--method", "lscm", "--pins", "farthest"], "lscm, holes auto, pins farthest");
     has(&["chart", "set", session, "0", "--holes", "open"], "lscm, holes open, pins farthest");
     has(&["chart", "show", session, "0", "--json"], r#""own_spec":true"#);

@@ -983,6 +983,31 @@ pub mod capability_service_server {
         const NAME: &'static str = SERVICE_NAME;
     }
 }
+/// Regions by their numbers.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct RegionList {
+    /// Numbers of regions, as MeshSummary tells them.
+    #[prost(int64, repeated, tag = "1")]
+    pub regions: ::prost::alloc::vec::Vec<i64>,
+}
+/// Which regions are merged into compounds, each parametrized as one. Inside a compound neither region borders nor sharp edges between two
+/// of its regions are features; explicit edges are, and so are sharp edges inside of one region. The rules add up: first the lists, then by
+/// angle, then by size. Faces of the result keep the regions of the input below them.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct CompoundSpec {
+    /// Lists of regions, each a compound. A region is in one list at most; the regions of a list hang together along common borders.
+    #[prost(message, repeated, tag = "1")]
+    pub lists: ::prost::alloc::vec::Vec<RegionList>,
+    /// Regions that meet below this angle (degrees, in (0, 180\]) are merged, the smoothest first. The angle between two regions (or
+    /// compounds made so far) is the smallest that is exceeded along at most a twentieth of their common border.
+    #[prost(double, optional, tag = "2")]
+    pub merge_angle: ::core::option::Option<f64>,
+    /// Regions thinner than this length are merged, the thinnest first, into the neighbour with which they have most contact: length of
+    /// the common border, each edge weighted with (1 + cos angle) / 2. The thickness of a region is 2 A / P, its area over half its border
+    /// length: the width of a strip, half the side of a square.
+    #[prost(double, optional, tag = "3")]
+    pub merge_below_size: ::core::option::Option<f64>,
+}
 /// Which edges of the surface are features, kept in the output.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct FeatureSpec {
@@ -996,6 +1021,9 @@ pub struct FeatureSpec {
     /// Edges that are features whatever their angle: two u32 vertex indices of the imported mesh each.
     #[prost(message, optional, tag = "5")]
     pub explicit_edges: ::core::option::Option<PackedArray>,
+    /// Regions that are parametrized as one. Default: none.
+    #[prost(message, optional, tag = "6")]
+    pub compounds: ::core::option::Option<CompoundSpec>,
     #[prost(oneof = "feature_spec::SharpEdges", tags = "1, 2")]
     pub sharp_edges: ::core::option::Option<feature_spec::SharpEdges>,
 }
@@ -1313,6 +1341,9 @@ pub struct SessionInputs {
     /// How many patches have a chart spec of their own (see ChartService), also those that the partition has at present not.
     #[prost(uint32, tag = "7")]
     pub patch_charts: u32,
+    /// How many edits of patches there are (see PartitionService), also those that wait for their patches.
+    #[prost(uint32, tag = "8")]
+    pub patch_edits: u32,
 }
 /// What a border between two regions is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
@@ -5013,6 +5044,32 @@ pub struct PatchSummary {
     /// sees long patches whose border is long, too. Not limited.
     #[prost(double, tag = "8")]
     pub box_aspect_ratio: f64,
+    /// How it came about.
+    #[prost(enumeration = "PatchOrigin", tag = "9")]
+    pub origin: i32,
+}
+/// Regions that are parametrized as one.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Compound {
+    /// The regions, two or more.
+    #[prost(message, repeated, tag = "1")]
+    pub regions: ::prost::alloc::vec::Vec<Region>,
+    /// The rules that merged some of them.
+    #[prost(enumeration = "CompoundRule", repeated, tag = "2")]
+    pub rules: ::prost::alloc::vec::Vec<i32>,
+}
+/// What became of an edit of patches.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct PatchEditState {
+    /// What it does.
+    #[prost(enumeration = "PatchEditKind", tag = "1")]
+    pub kind: i32,
+    /// Whether it is in the partition. If not, it waits.
+    #[prost(bool, tag = "2")]
+    pub applied: bool,
+    /// Why it waits: its patches are not there, or it is not valid under the present features and limits.
+    #[prost(string, tag = "3")]
+    pub waits_for: ::prost::alloc::string::String,
 }
 /// Request of PartitionSurface.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
@@ -5023,6 +5080,10 @@ pub struct PartitionSurfaceRequest {
     /// ABORTED if the session is at another revision. Not set: whichever is current.
     #[prost(uint64, optional, tag = "2")]
     pub expected_revision: ::core::option::Option<u64>,
+    /// Compute the charts, too, and tell the patches after the splits they ask for and after edits, by the numbers that all other methods
+    /// use. Done in any case if the session has edits of patches.
+    #[prost(bool, tag = "3")]
+    pub with_charts: bool,
 }
 /// A finished partition.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -5042,6 +5103,15 @@ pub struct PartitionResult {
     /// The plane, if the strategy is PLANE: the one given, or the one found.
     #[prost(message, optional, tag = "5")]
     pub plane: ::core::option::Option<CutPlane>,
+    /// The compounds of regions.
+    #[prost(message, repeated, tag = "6")]
+    pub compounds: ::prost::alloc::vec::Vec<Compound>,
+    /// What became of the edits of patches, in the order they were made.
+    #[prost(message, repeated, tag = "7")]
+    pub edits: ::prost::alloc::vec::Vec<PatchEditState>,
+    /// Whether charts were computed, so that the patches have the numbers that all other methods use.
+    #[prost(bool, tag = "8")]
+    pub with_charts: bool,
 }
 /// Response of PartitionSurface: progress, then the result.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -5117,6 +5187,294 @@ pub mod read_patch_data_response {
         Chunk(super::DataChunk),
     }
 }
+/// Request of SplitPatch.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct SplitPatchRequest {
+    /// Required. `sessions/{id}`.
+    #[prost(string, tag = "1")]
+    pub session: ::prost::alloc::string::String,
+    /// The revision that the number was made for. Not set: whichever is current. ABORTED if the session is, or gets while this call is on, to
+    /// another one.
+    #[prost(uint64, optional, tag = "2")]
+    pub base_revision: ::core::option::Option<u64>,
+    /// Number of the patch.
+    #[prost(uint32, tag = "3")]
+    pub patch: u32,
+    /// How. Default: BALANCED.
+    #[prost(oneof = "split_patch_request::How", tags = "4, 5")]
+    pub how: ::core::option::Option<split_patch_request::How>,
+}
+/// Nested message and enum types in `SplitPatchRequest`.
+pub mod split_patch_request {
+    /// How. Default: BALANCED.
+    #[derive(Clone, Copy, PartialEq, ::prost::Oneof)]
+    pub enum How {
+        /// By a method.
+        #[prost(enumeration = "super::SplitMethod", tag = "4")]
+        Method(i32),
+        /// By a plane: faces go by their centroids; of each side all but the largest piece changes sides.
+        #[prost(message, tag = "5")]
+        Plane(super::CutPlane),
+    }
+}
+/// Response of SplitPatch.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct SplitPatchResponse {
+    /// The new revision.
+    #[prost(uint64, tag = "1")]
+    pub revision: u64,
+    /// The patches that the edit made or changed, by their new numbers.
+    #[prost(message, repeated, tag = "2")]
+    pub patches: ::prost::alloc::vec::Vec<PatchSummary>,
+    /// How many patches there are now.
+    #[prost(uint32, tag = "3")]
+    pub patch_count: u32,
+    /// How many of `patches` are there only because a patch that the edit made had no usable chart and was split again.
+    #[prost(uint32, tag = "4")]
+    pub split_again: u32,
+    /// What ran.
+    #[prost(message, optional, tag = "5")]
+    pub summary: ::core::option::Option<RunSummary>,
+}
+/// Request of MergePatches.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct MergePatchesRequest {
+    /// Required. `sessions/{id}`.
+    #[prost(string, tag = "1")]
+    pub session: ::prost::alloc::string::String,
+    /// As in SplitPatch.
+    #[prost(uint64, optional, tag = "2")]
+    pub base_revision: ::core::option::Option<u64>,
+    /// Numbers of two or more patches that hang together.
+    #[prost(uint32, repeated, tag = "3")]
+    pub patches: ::prost::alloc::vec::Vec<u32>,
+}
+/// Response of MergePatches.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct MergePatchesResponse {
+    /// The new revision.
+    #[prost(uint64, tag = "1")]
+    pub revision: u64,
+    /// As in SplitPatch.
+    #[prost(message, repeated, tag = "2")]
+    pub patches: ::prost::alloc::vec::Vec<PatchSummary>,
+    /// How many patches there are now.
+    #[prost(uint32, tag = "3")]
+    pub patch_count: u32,
+    /// As in SplitPatch.
+    #[prost(uint32, tag = "4")]
+    pub split_again: u32,
+    /// What ran.
+    #[prost(message, optional, tag = "5")]
+    pub summary: ::core::option::Option<RunSummary>,
+}
+/// Request of ReassignFaces.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct ReassignFacesRequest {
+    /// Required. `sessions/{id}`.
+    #[prost(string, tag = "1")]
+    pub session: ::prost::alloc::string::String,
+    /// As in SplitPatch.
+    #[prost(uint64, optional, tag = "2")]
+    pub base_revision: ::core::option::Option<u64>,
+    /// Required. The faces, u32 indices of the imported mesh. Those that are in the patch already stay there.
+    #[prost(message, optional, tag = "3")]
+    pub faces: ::core::option::Option<PackedArray>,
+    /// Number of the patch that gets them.
+    #[prost(uint32, tag = "4")]
+    pub patch: u32,
+}
+/// Response of ReassignFaces.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct ReassignFacesResponse {
+    /// The new revision.
+    #[prost(uint64, tag = "1")]
+    pub revision: u64,
+    /// As in SplitPatch.
+    #[prost(message, repeated, tag = "2")]
+    pub patches: ::prost::alloc::vec::Vec<PatchSummary>,
+    /// How many patches there are now.
+    #[prost(uint32, tag = "3")]
+    pub patch_count: u32,
+    /// As in SplitPatch.
+    #[prost(uint32, tag = "4")]
+    pub split_again: u32,
+    /// What ran.
+    #[prost(message, optional, tag = "5")]
+    pub summary: ::core::option::Option<RunSummary>,
+}
+/// Request of ResetPatches.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct ResetPatchesRequest {
+    /// Required. `sessions/{id}`.
+    #[prost(string, tag = "1")]
+    pub session: ::prost::alloc::string::String,
+    /// As in SplitPatch.
+    #[prost(uint64, optional, tag = "2")]
+    pub base_revision: ::core::option::Option<u64>,
+}
+/// Response of ResetPatches.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct ResetPatchesResponse {
+    /// The revision.
+    #[prost(uint64, tag = "1")]
+    pub revision: u64,
+    /// How many edits were taken back.
+    #[prost(uint32, tag = "2")]
+    pub edits: u32,
+}
+/// How a patch came about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum PatchOrigin {
+    /// Never sent.
+    Unspecified = 0,
+    /// By the strategy of the partition.
+    Strategy = 1,
+    /// Half of a patch that had no usable chart.
+    ChartSplit = 2,
+    /// Part of a patch that SplitPatch cut.
+    Split = 3,
+    /// Union of patches by MergePatches.
+    Merge = 4,
+    /// ReassignFaces moved faces in or out.
+    Reassigned = 5,
+}
+impl PatchOrigin {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "PATCH_ORIGIN_UNSPECIFIED",
+            Self::Strategy => "PATCH_ORIGIN_STRATEGY",
+            Self::ChartSplit => "PATCH_ORIGIN_CHART_SPLIT",
+            Self::Split => "PATCH_ORIGIN_SPLIT",
+            Self::Merge => "PATCH_ORIGIN_MERGE",
+            Self::Reassigned => "PATCH_ORIGIN_REASSIGNED",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "PATCH_ORIGIN_UNSPECIFIED" => Some(Self::Unspecified),
+            "PATCH_ORIGIN_STRATEGY" => Some(Self::Strategy),
+            "PATCH_ORIGIN_CHART_SPLIT" => Some(Self::ChartSplit),
+            "PATCH_ORIGIN_SPLIT" => Some(Self::Split),
+            "PATCH_ORIGIN_MERGE" => Some(Self::Merge),
+            "PATCH_ORIGIN_REASSIGNED" => Some(Self::Reassigned),
+            _ => None,
+        }
+    }
+}
+/// Why a region is in a compound.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum CompoundRule {
+    /// Never sent.
+    Unspecified = 0,
+    /// It is listed.
+    Listed = 1,
+    /// It meets another smoothly.
+    Angle = 2,
+    /// It or a neighbour is thin.
+    Size = 3,
+}
+impl CompoundRule {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "COMPOUND_RULE_UNSPECIFIED",
+            Self::Listed => "COMPOUND_RULE_LISTED",
+            Self::Angle => "COMPOUND_RULE_ANGLE",
+            Self::Size => "COMPOUND_RULE_SIZE",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "COMPOUND_RULE_UNSPECIFIED" => Some(Self::Unspecified),
+            "COMPOUND_RULE_LISTED" => Some(Self::Listed),
+            "COMPOUND_RULE_ANGLE" => Some(Self::Angle),
+            "COMPOUND_RULE_SIZE" => Some(Self::Size),
+            _ => None,
+        }
+    }
+}
+/// What an edit of patches does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum PatchEditKind {
+    /// Never sent.
+    Unspecified = 0,
+    /// SplitPatch.
+    Split = 1,
+    /// MergePatches.
+    Merge = 2,
+    /// ReassignFaces.
+    Reassign = 3,
+}
+impl PatchEditKind {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "PATCH_EDIT_KIND_UNSPECIFIED",
+            Self::Split => "PATCH_EDIT_KIND_SPLIT",
+            Self::Merge => "PATCH_EDIT_KIND_MERGE",
+            Self::Reassign => "PATCH_EDIT_KIND_REASSIGN",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "PATCH_EDIT_KIND_UNSPECIFIED" => Some(Self::Unspecified),
+            "PATCH_EDIT_KIND_SPLIT" => Some(Self::Split),
+            "PATCH_EDIT_KIND_MERGE" => Some(Self::Merge),
+            "PATCH_EDIT_KIND_REASSIGN" => Some(Self::Reassign),
+            _ => None,
+        }
+    }
+}
+/// How a patch is cut.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum SplitMethod {
+    /// SPLIT_METHOD_BALANCED.
+    Unspecified = 0,
+    /// Along a short cut, with about half of the area on either side.
+    Balanced = 1,
+    /// Through the centres of harmonic maps at many scales: long patches lengthwise.
+    Laplace = 2,
+}
+impl SplitMethod {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "SPLIT_METHOD_UNSPECIFIED",
+            Self::Balanced => "SPLIT_METHOD_BALANCED",
+            Self::Laplace => "SPLIT_METHOD_LAPLACE",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "SPLIT_METHOD_UNSPECIFIED" => Some(Self::Unspecified),
+            "SPLIT_METHOD_BALANCED" => Some(Self::Balanced),
+            "SPLIT_METHOD_LAPLACE" => Some(Self::Laplace),
+            _ => None,
+        }
+    }
+}
 /// Generated client implementations.
 pub mod partition_service_client {
     #![allow(
@@ -5128,7 +5486,10 @@ pub mod partition_service_client {
     )]
     use tonic::codegen::*;
     use tonic::codegen::http::Uri;
-    /// The partition of the surface into patches.
+    /// The partition of the surface into patches, and edits of single patches. An edit is of patches as they are after all splits that charts
+    /// ask for, by the numbers that ParametrizePatches and the answers to edits tell. It belongs to the faces of its patches: it holds when
+    /// patches are renumbered, and waits if another spec takes its patches away. It makes a revision, so a rollback undoes it; all other patches
+    /// stay cached. Patches that an edit makes are split like others if they have no usable chart.
     #[derive(Debug, Clone)]
     pub struct PartitionServiceClient<T> {
         inner: tonic::client::Grpc<T>,
@@ -5261,6 +5622,109 @@ pub mod partition_service_client {
                 .insert(GrpcMethod::new("remesh.v1.PartitionService", "ReadPatchData"));
             self.inner.server_streaming(req, path, codec).await
         }
+        /// Cuts a patch in two. Computes the charts of the former revision if they are not cached (a number is a patch only there), and those of
+        /// the new patches. FAILED_PRECONDITION with reason PATCH_TOPOLOGY for a patch that cannot be cut.
+        pub async fn split_patch(
+            &mut self,
+            request: impl tonic::IntoRequest<super::SplitPatchRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::SplitPatchResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.PartitionService/SplitPatch",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.PartitionService", "SplitPatch"));
+            self.inner.unary(req, path, codec).await
+        }
+        /// Makes one patch of several. Costs as SplitPatch. FAILED_PRECONDITION with reason PATCH_TOPOLOGY, and the places, if the union would not be
+        /// connected, has handles or no border, is more slender than `max_aspect_ratio`, or if feature edges close off a part of it.
+        pub async fn merge_patches(
+            &mut self,
+            request: impl tonic::IntoRequest<super::MergePatchesRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::MergePatchesResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.PartitionService/MergePatches",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.PartitionService", "MergePatches"));
+            self.inner.unary(req, path, codec).await
+        }
+        /// Moves faces to a patch. Costs as SplitPatch. FAILED_PRECONDITION with reason PATCH_TOPOLOGY, the patch and the places, if a patch that
+        /// loses or gets faces would not be one any more.
+        pub async fn reassign_faces(
+            &mut self,
+            request: impl tonic::IntoRequest<super::ReassignFacesRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::ReassignFacesResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.PartitionService/ReassignFaces",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.PartitionService", "ReassignFaces"));
+            self.inner.unary(req, path, codec).await
+        }
+        /// Takes all edits of patches back, also those that wait. Makes a revision, unless there are none. Single edits are undone by a rollback.
+        pub async fn reset_patches(
+            &mut self,
+            request: impl tonic::IntoRequest<super::ResetPatchesRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::ResetPatchesResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.PartitionService/ResetPatches",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.PartitionService", "ResetPatches"));
+            self.inner.unary(req, path, codec).await
+        }
     }
 }
 /// Generated server implementations.
@@ -5307,8 +5771,46 @@ pub mod partition_service_server {
             tonic::Response<Self::ReadPatchDataStream>,
             tonic::Status,
         >;
+        /// Cuts a patch in two. Computes the charts of the former revision if they are not cached (a number is a patch only there), and those of
+        /// the new patches. FAILED_PRECONDITION with reason PATCH_TOPOLOGY for a patch that cannot be cut.
+        async fn split_patch(
+            &self,
+            request: tonic::Request<super::SplitPatchRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::SplitPatchResponse>,
+            tonic::Status,
+        >;
+        /// Makes one patch of several. Costs as SplitPatch. FAILED_PRECONDITION with reason PATCH_TOPOLOGY, and the places, if the union would not be
+        /// connected, has handles or no border, is more slender than `max_aspect_ratio`, or if feature edges close off a part of it.
+        async fn merge_patches(
+            &self,
+            request: tonic::Request<super::MergePatchesRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::MergePatchesResponse>,
+            tonic::Status,
+        >;
+        /// Moves faces to a patch. Costs as SplitPatch. FAILED_PRECONDITION with reason PATCH_TOPOLOGY, the patch and the places, if a patch that
+        /// loses or gets faces would not be one any more.
+        async fn reassign_faces(
+            &self,
+            request: tonic::Request<super::ReassignFacesRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::ReassignFacesResponse>,
+            tonic::Status,
+        >;
+        /// Takes all edits of patches back, also those that wait. Makes a revision, unless there are none. Single edits are undone by a rollback.
+        async fn reset_patches(
+            &self,
+            request: tonic::Request<super::ResetPatchesRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::ResetPatchesResponse>,
+            tonic::Status,
+        >;
     }
-    /// The partition of the surface into patches.
+    /// The partition of the surface into patches, and edits of single patches. An edit is of patches as they are after all splits that charts
+    /// ask for, by the numbers that ParametrizePatches and the answers to edits tell. It belongs to the faces of its patches: it holds when
+    /// patches are renumbered, and waits if another spec takes its patches away. It makes a revision, so a rollback undoes it; all other patches
+    /// stay cached. Patches that an edit makes are split like others if they have no usable chart.
     #[derive(Debug)]
     pub struct PartitionServiceServer<T> {
         inner: Arc<T>,
@@ -5476,6 +5978,189 @@ pub mod partition_service_server {
                                 max_encoding_message_size,
                             );
                         let res = grpc.server_streaming(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/remesh.v1.PartitionService/SplitPatch" => {
+                    #[allow(non_camel_case_types)]
+                    struct SplitPatchSvc<T: PartitionService>(pub Arc<T>);
+                    impl<
+                        T: PartitionService,
+                    > tonic::server::UnaryService<super::SplitPatchRequest>
+                    for SplitPatchSvc<T> {
+                        type Response = super::SplitPatchResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::SplitPatchRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as PartitionService>::split_patch(&inner, request).await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = SplitPatchSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/remesh.v1.PartitionService/MergePatches" => {
+                    #[allow(non_camel_case_types)]
+                    struct MergePatchesSvc<T: PartitionService>(pub Arc<T>);
+                    impl<
+                        T: PartitionService,
+                    > tonic::server::UnaryService<super::MergePatchesRequest>
+                    for MergePatchesSvc<T> {
+                        type Response = super::MergePatchesResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::MergePatchesRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as PartitionService>::merge_patches(&inner, request)
+                                    .await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = MergePatchesSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/remesh.v1.PartitionService/ReassignFaces" => {
+                    #[allow(non_camel_case_types)]
+                    struct ReassignFacesSvc<T: PartitionService>(pub Arc<T>);
+                    impl<
+                        T: PartitionService,
+                    > tonic::server::UnaryService<super::ReassignFacesRequest>
+                    for ReassignFacesSvc<T> {
+                        type Response = super::ReassignFacesResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::ReassignFacesRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as PartitionService>::reassign_faces(&inner, request)
+                                    .await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = ReassignFacesSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/remesh.v1.PartitionService/ResetPatches" => {
+                    #[allow(non_camel_case_types)]
+                    struct ResetPatchesSvc<T: PartitionService>(pub Arc<T>);
+                    impl<
+                        T: PartitionService,
+                    > tonic::server::UnaryService<super::ResetPatchesRequest>
+                    for ResetPatchesSvc<T> {
+                        type Response = super::ResetPatchesResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::ResetPatchesRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as PartitionService>::reset_patches(&inner, request)
+                                    .await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = ResetPatchesSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
                         Ok(res)
                     };
                     Box::pin(fut)

@@ -164,11 +164,12 @@ fn apply(
     let split = split::split(mesh, topology, &paths)?;
     let new = Topology::build(&split.mesh.triangles, split.mesh.positions.len())?;
     let is_feature: Vec<bool> = split.whole.iter().map(|whole| whole.is_some_and(|h| features.is_feature[h as usize])).collect();
-    let features = Features { is_feature, corners: features.corners.clone() };
+    let features = Features { is_feature, corners: features.corners.clone(), compounds: features.compounds.clone() };
     let sides: Vec<[u32; 2]> = borders.iter().map(|border| sides(topology, partition, border)).collect();
     let Some(face_patch) = labels(&new, &features, partition, &split, &sides) else { return Ok(None) };
-    let patches = summarize_patches(&split.mesh, &new, &features, &face_patch);
-    let partition = Partition { face_patch, patches, strategy: partition.strategy, reason: partition.reason.clone() };
+    let mut patches = summarize_patches(&split.mesh, &new, &features, &face_patch);
+    patches.iter_mut().zip(&partition.patches).for_each(|(after, before)| after.origin = before.origin);
+    let partition = Partition { face_patch, patches, ..partition.clone() };
     let Split { mesh, new_vertices, face_origin, .. } = split;
     Ok(Some(CutSurface { mesh, topology: new, features, partition, new_vertices, face_origin, border_length: [0.0; 2] }))
 }

@@ -37,6 +37,7 @@ pub mod sizing;
 pub mod assemble;
 pub mod optimize;
 pub mod quality;
+pub mod regions;
 
 pub mod engine;
 pub mod pipeline;

@@ -59,6 +59,8 @@ pub struct Remeshed {
     pub curve_edges: Vec<[u32; 2]>,
     /// Faces that still intersect others after repair; `None` if that was not checked (no rounds).
     pub crossing_faces: Option<u32>,
+    /// Regions of the input (indices, increasing) without a face in the result; filled in after the optimisation.
+    pub lost_regions: Vec<u32>,
 }
 
 impl Contents for Remeshed {

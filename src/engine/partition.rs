@@ -6,6 +6,7 @@ mod bisect;
 mod cuts;
 mod depth;
 mod divide;
+mod edit;
 mod graph;
 mod handles;
 mod homology;
@@ -24,6 +25,7 @@ mod tests;
 mod two_way;
 
 pub use aspect::{OrientedBox, box_aspect_ratio, smallest_box};
+pub use edit::{EditState, Ground, PatchEdit, PatchRequest, SplitMethod, apply_edits, edit_partition, name_edit, patch_identities};
 pub use strategy::{BorderSmoothing, PartitionStrategy, Plane};
 pub use two_way::{TwoWayCut, Verdict, cut_in_two};
 
@@ -80,6 +82,24 @@ pub struct PatchSummary {
     pub border_length: f64,
     /// eta = pi A / L^2 with L the longest loop.
     pub aspect_ratio: f64,
+    /// How it came about.
+    pub origin: PatchOrigin,
+}
+
+/// How a patch came about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum PatchOrigin {
+    /// By the strategy of the partition.
+    #[default]
+    Strategy,
+    /// Half of a patch that had no usable chart.
+    ChartSplit,
+    /// Part of a patch that the user split.
+    Split,
+    /// Union of patches that the user merged.
+    Merge,
+    /// The user moved faces in or out.
+    Reassigned,
 }
 
 /// A patch number for each face. Patches are connected, of genus 0 and have at least one boundary loop; no feature edge that
@@ -94,6 +114,8 @@ pub struct Partition {
     pub strategy: PartitionStrategy,
     /// Why this strategy, one sentence. No part of the fingerprint.
     pub reason: String,
+    /// What became of the edits that [`apply_edits`] looked at. No part of the fingerprint.
+    pub edits: Vec<EditState>,
 }
 
 impl Contents for Partition {
@@ -332,8 +354,7 @@ pub fn split_patches(
     }
     let surface = Surface::new(mesh, topology, features);
     let all = faces_by_patch(&partition.face_patch);
-    let limits = Limits { faces: u32::MAX, loops: u32::MAX, aspect_ratio: f64::INFINITY };
-    let mut divider = Divider::new(&surface, limits, f64::from(u32::MAX));
+    let mut divider = Divider::new(&surface, edit::NO_LIMITS, f64::from(u32::MAX));
     divider.label.clone_from(&partition.face_patch);
     divider.next_label = all.len() as u32;
     let mut listed: Vec<u32> = split.to_vec();
@@ -352,5 +373,14 @@ pub fn split_patches(
         divider.name(&second);
     }
     let (strategy, reason) = (partition.strategy, partition.reason.clone());
-    Ok(Partition { strategy, reason, ..finish(&surface, divider.label, limits, work)? })
+    let mut after = finish(&surface, divider.label, edit::NO_LIMITS, work)?;
+    let mut lowest = vec![None; after.patches.len()];
+    for (f, &p) in after.face_patch.iter().enumerate() {
+        lowest[p as usize].get_or_insert(partition.face_patch[f]);
+    }
+    for (patch, before) in after.patches.iter_mut().zip(lowest) {
+        let kept = before.filter(|p| listed.binary_search(p).is_err()).and_then(|p| partition.patches.get(p as usize));
+        patch.origin = kept.map_or(PatchOrigin::ChartSplit, |before| before.origin);
+    }
+    Ok(Partition { strategy, reason, ..after })
 }

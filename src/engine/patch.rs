@@ -1,7 +1,7 @@
 //! One patch as a mesh of its own, in local numbers, so that its fingerprint depends on nothing but its content.
 
 use crate::error::{EngineError, Result};
-use crate::fingerprint::{Contents, Feeder, Fingerprint};
+use crate::fingerprint::{Contents, Feeder};
 use crate::mesh::SurfaceMesh;
 use crate::partition::{Partition, box_aspect_ratio};
 use crate::topology::Topology;
@@ -37,21 +37,6 @@ impl Patch {
         let ring: Vec<Vec3> = ring.iter().map(|&v| self.positions[v as usize]).collect();
         box_aspect_ratio(&self.positions, &ring)
     }
-}
-
-/// Which patches these are: for each the fingerprint of its faces as triples of vertices. Independent of the numbers of patches, of other
-/// patches and of where vertices are; to be taken before the surface is cut, so that it does not depend on that either. O(F).
-pub fn patch_identities(mesh: &SurfaceMesh, partition: &Partition) -> Vec<Fingerprint> {
-    let mut faces: Vec<Vec<[u32; 3]>> = vec![Vec::new(); partition.patches.len()];
-    for (t, &p) in mesh.triangles.iter().zip(&partition.face_patch) {
-        faces[p as usize].push(*t);
-    }
-    let identity = |faces: Vec<[u32; 3]>| {
-        let mut feeder = Feeder::new();
-        feeder.tuples(&faces);
-        feeder.finish()
-    };
-    faces.into_iter().map(identity).collect()
 }
 
 impl Contents for Patch {

@@ -3,4 +3,5 @@
 pub(crate) mod charts;
 pub(crate) mod from_proto;
 mod metric;
+pub(crate) mod patches;
 pub(crate) mod to_proto;

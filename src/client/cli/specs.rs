@@ -6,8 +6,8 @@ mod mesher;
 pub(crate) use chart::{chart_edit, merged_chart, names_vertices};
 
 use super::args::{
-    BorderChoice, ChartMethod, ChartSpecArgs, Encoding, FeatureAngle, ImportArgs, InputArgs, ObjRegions, PartitionStrategy, ReadFormat,
-    SampleName, SampleSpecArgs, SizeArgs, Unit,
+    BorderChoice, ChartMethod, ChartSpecArgs, Encoding, FeatureAngle, ImportArgs, InputArgs, LimitArg, ObjRegions, PartitionStrategy,
+    ReadFormat, RegionListArg, SampleName, SampleSpecArgs, SizeArgs, Unit,
 };
 use super::failure::{Failure, Outcome};
 use super::files;
@@ -196,7 +196,31 @@ fn put_features(args: &InputArgs, spec: &mut v1::FeatureSpec) -> bool {
         spec.set_region_borders(if args.ignore_region_borders { v1::RegionBorders::Ignore } else { v1::RegionBorders::Keep });
     }
     let region_borders = args.ignore_region_borders || args.keep_region_borders;
-    args.feature_angle.is_some() || args.min_chain.is_some() || region_borders || args.feature_edges.is_some()
+    let compounds = put_compounds(args, spec);
+    compounds || args.feature_angle.is_some() || args.min_chain.is_some() || region_borders || args.feature_edges.is_some()
+}
+
+fn put_compounds(args: &InputArgs, spec: &mut v1::FeatureSpec) -> bool {
+    let named = !args.compounds.is_empty() || args.merge_angle.is_some() || args.merge_below_size.is_some();
+    if named {
+        let compounds = spec.compounds.get_or_insert_default();
+        if !args.compounds.is_empty() {
+            // Lists named anew replace the former ones.
+            let lists = args.compounds.iter().filter_map(|list| match list {
+                RegionListArg::Regions(regions) => Some(v1::RegionList { regions: regions.clone() }),
+                RegionListArg::None => None,
+            });
+            compounds.lists = lists.collect();
+        }
+        let put = |value: &mut Option<f64>, arg: Option<LimitArg>| match arg {
+            Some(LimitArg::Below(limit)) => *value = Some(limit),
+            Some(LimitArg::None) => *value = None,
+            None => {}
+        };
+        put(&mut compounds.merge_angle, args.merge_angle);
+        put(&mut compounds.merge_below_size, args.merge_below_size);
+    }
+    named
 }
 
 fn put_partition(args: &InputArgs, spec: &mut v1::PartitionSpec) -> bool {

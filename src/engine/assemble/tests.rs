@@ -58,7 +58,7 @@ fn joined(size: f64) -> (SurfaceMesh, Result<Assembled>) {
     let mut face_patch = vec![0; mesh.triangles.len()];
     halves[1].1.faces.iter().for_each(|&f| face_patch[f as usize] = 1);
     let partition = Partition { face_patch, patches: vec![PatchSummary::default(); 2], ..Partition::default() };
-    let features = Features { is_feature: vec![false; topology.halfedge_count()], corners: Vec::new() };
+    let features = Features { is_feature: vec![false; topology.halfedge_count()], corners: Vec::new(), ..Features::default() };
     let network = trace_curves(&topology, &features, &partition);
     let cancel = CancelToken::new();
     let work = Work::silent(&cancel);

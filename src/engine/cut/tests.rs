@@ -38,7 +38,7 @@ impl Case {
     /// Faces by the sign of a function of their centres.
     fn by_sign(mesh: SurfaceMesh, patch: impl Fn([f64; 3]) -> u32) -> Case {
         let topology = Topology::build(&mesh.triangles, mesh.positions.len()).unwrap();
-        let features = Features { is_feature: vec![false; topology.halfedge_count()], corners: Vec::new() };
+        let features = Features { is_feature: vec![false; topology.halfedge_count()], ..Features::default() };
         let centre = |f: usize| {
             let [a, b, c] = mesh.corners(f);
             [0, 1, 2].map(|k| (a[k] + b[k] + c[k]) / 3.0)

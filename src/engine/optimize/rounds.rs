@@ -49,8 +49,7 @@ pub(super) fn collapse_short(state: &mut State<'_>, since: u32, work: &Work<'_>)
     let mut since = since;
     for _ in 0..12 {
         let sweep = state.activity.begin();
-        let mut short: Vec<(f64, u32)> =
-            new_edges(state, since).into_iter().map(|h| (state.ratio(h), h)).filter(|x| x.0 < SHORT).collect();
+        let mut short: Vec<(f64, u32)> = new_edges(state, since).into_iter().map(|h| (state.ratio(h), h)).filter(|x| x.0 < SHORT).collect();
         short.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
         let mut changed = 0;
         for (i, &(_, h)) in short.iter().enumerate() {

@@ -76,6 +76,11 @@ impl Contest {
                 return Ok(());
             }
         };
+        let loops = trial.patches.iter().map(|s| s.loops).max().unwrap_or(0);
+        if loops > Limits::LOOPS {
+            self.told.push(format!("{name} {}, but with up to {loops} loops", trial.patches.len()));
+            return Ok(());
+        }
         self.told.push(format!("{name} {}", trial.patches.len()));
         let score = |p: &Partition| (p.patches.len(), p.patches.iter().map(|s| s.border_length).sum::<f64>());
         if score(&trial) < score(&self.best) {

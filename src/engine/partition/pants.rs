@@ -9,8 +9,8 @@ use super::handles::{Dual, Loops, Sheet, cut_open, open_handles};
 use super::homology::{DisjointSets, holes_of};
 use super::nearest::Nearest;
 use super::straighten::straighten_borders;
-use super::surface::{Limits, Stamps, Surface};
-use super::{Partition, PartitionSpec, connected_sets, divided, face_groups, finish, renumber, smooth};
+use super::surface::{Limits, Scratch, Stamps, Surface, measure};
+use super::{Partition, PartitionSpec, connected_sets, divided, face_groups, faces_by_patch, finish, renumber, smooth};
 use crate::error::Result;
 use crate::topology::Topology;
 use crate::work::Work;
@@ -25,7 +25,8 @@ const LOOPS: u32 = 3;
 const REACH: f64 = 0.6;
 
 /// Cuts into pairs of pants, then further where size or aspect ratio ask for it. A pair glued to itself along a loop (a handle closed in
-/// itself) is cut in two. Nothing is merged; borders are smoothed and laid along shortest paths.
+/// itself) is cut in two. Nothing is merged; borders are smoothed and, unless that takes a
+/// hole to the other side of one, laid along shortest paths.
 pub(super) fn by_pants(surface: &Surface<'_>, spec: &PartitionSpec, work: &Work<'_>) -> Result<Partition> {
     let limits = Limits::new(spec);
     let groups = face_groups(surface);
@@ -41,8 +42,17 @@ pub(super) fn by_pants(surface: &Surface<'_>, spec: &PartitionSpec, work: &Work<
     let (mut label, _) = divided(surface, sets, limits, spec, work)?;
     renumber(&mut label);
     smooth::smooth_borders(surface, &mut label, limits, work)?;
+    // A shortest path may pass a small hole on its other side.
+    let (before, kept) = (loops(surface, &label), label.clone());
     straighten_borders(surface, &mut label, limits, work)?;
+    let label = if loops(surface, &label) == before { label } else { kept };
     finish(surface, label, limits, work)
+}
+
+/// Border loops of each part.
+fn loops(surface: &Surface<'_>, label: &[u32]) -> Vec<u32> {
+    let mut scratch = Scratch::new(surface.topology);
+    faces_by_patch(label).iter().enumerate().map(|(p, faces)| measure(surface, label, faces, p as u32, &mut scratch).loops).collect()
 }
 
 /// Fewest patches that a pants decomposition of pieces with these (genus, loops) can have.

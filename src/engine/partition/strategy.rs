@@ -87,7 +87,7 @@ fn told(partition: Partition, strategy: PartitionStrategy, reason: &str) -> Part
     Partition { strategy, reason: reason.to_string(), ..partition }
 }
 
-fn check_plane(plane: &Plane) -> Result<()> {
+pub(super) fn check_plane(plane: &Plane) -> Result<()> {
     let length = norm(plane.normal);
     if !(length > 0.0 && length.is_finite() && plane.point.iter().all(|x| x.is_finite())) {
         return Err(EngineError::new(Reason::BadParameter, "the plane needs a finite point and a normal of finite length, not 0")

@@ -8,6 +8,7 @@ use crate::work::CancelToken;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
+mod edits;
 mod strategies;
 mod two_way;
 

@@ -1,44 +1,42 @@
 //! The one file that ties stage functions to stage keys, in the order of the pipeline. In a plan, a stage that is not cached is
 //! recorded as "will run" and nothing below it is looked at.
 
+mod edits;
+mod lengths;
+mod quality;
+
+pub(super) use lengths::{Wanted, metric_step};
+pub(super) use quality::{compare_step, quality_step};
+
 use super::context::{Context, Halt, Step};
 use super::kept::Kept;
 use super::naming::{on_surface, refusal};
 use super::patch_set::PatchSet;
 use super::{Charts, Layout, Partitioned, Remesh, Surface};
 use crate::assemble::{Assembled, assemble};
-use crate::bvh::{TriangleBvh, closest_on_triangle};
-use crate::curvature::curvature;
-use crate::curve::{
-    CurveMesh, CurvePolyline, PatchCurve, curve_polyline, curve_polyline_in_metric, mesh_curve, patch_curves, trace_curves,
-};
+use crate::bvh::TriangleBvh;
+use crate::curve::{CurveMesh, PatchCurve, mesh_curve, patch_curves, trace_curves};
 use crate::cut::{CutSurface, cut_along_borders};
 use crate::error::{EngineError, Reason, Result};
 use crate::features::{Features, detect_features};
 use crate::fingerprint::Contents;
 use crate::import::{ImportOptions, Imported, import_arrays, import_mesh};
 use crate::mesh::SurfaceMesh;
-use crate::metric::{SurfaceMetric, evaluate_metric};
 use crate::optimize::{Interiors, optimize_in_metric, optimize_patch, optimize_surface};
 use crate::parametrize::{
     BoundaryFactor, ChartFactor, ChartOutcome, ChartSpec, ChartSystem, MapSpec, ProblemSpec, SolvedMap, Weights, candidate_maps, conclude,
     factor_boundary, factor_system, next_map, plan_system, solve_map, unsolved_map,
 };
-use crate::partition::{BorderSmoothing, Partition, partition_surface, split_patches};
-use crate::patch::{PatchMap, extract_patches, patch_identities};
+use crate::partition::{BorderSmoothing, Partition, partition_surface, patch_identities, split_patches};
+use crate::patch::{PatchMap, extract_patches};
 use crate::planar::{CurveUse, Lengths, LiftedPatch, Mesher, PlanarMesh, VertexOrigin, lift, mesh_chart_in};
-use crate::quality::seams::{Patched, SeamQuality, measure_seams};
-use crate::quality::{QualityReport, QualityScope, TargetSize, measure_quality};
+use crate::regions::{RegionFreedom, assign_regions};
 use crate::sample;
 use crate::session::{MeshSource, Snapshot};
 use crate::sizing::{SizeField, evaluate_size};
 use crate::stage::{Stage, StageKey, Stored, Subject};
 use crate::topology::Topology;
-use crate::vector::Vec3;
 use std::sync::Arc;
-
-/// Passes over the curvatures of neighbours before a metric is made of them: scans are noisy.
-const CURVATURE_SMOOTHING: u32 = 3;
 
 /// Largest number of times patches without a usable chart are split.
 const MAX_RESPLITS: usize = 24;
@@ -111,13 +109,13 @@ fn cut_step(
     Ok(Some(cut))
 }
 
-/// The partition before any split that charts ask for.
-pub(super) fn partitioned_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<(Surface, Partitioned)> {
+/// The partition before any split that charts ask for and any edit.
+pub(super) fn partitioned_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Partitioned> {
     let surface = surface_step(context, snapshot)?;
     let features = features_step(context, snapshot, &surface)?;
     let partition = partition_step(context, snapshot, &surface, &features)?;
     let cut = cut_step(context, snapshot, &surface, &features, &partition)?;
-    Ok((surface, Partitioned { partition, cut }))
+    Ok(Partitioned { surface, features, partition, cut })
 }
 
 fn patches_step(
@@ -164,17 +162,37 @@ fn largest_first(patches: &PatchSet, listed: impl Iterator<Item = usize>) -> Vec
 }
 
 pub(super) fn charts_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Charts> {
-    let Layout { surface, features, partition, cut, patches, charts, resplit } = layout_step(context, snapshot)?;
+    let Layout { surface, features, partition, cut, patches, charts, resplit, edits } = layout_step(context, snapshot)?;
     let charts = charts.into_iter().collect::<Result<Vec<_>>>()?;
-    Ok(Charts { surface, features, partition, cut, patches, charts, resplit })
+    Ok(Charts { surface, features, partition, cut, patches, charts, resplit, edits })
 }
 
-/// The partition all of whose patches have a chart or a specification that gives none. A patch with a specification of its own is never
-/// split, nor is one whose named method is refused: what is wrong is kept beside the others, so that it can be named and mended.
+/// The partition with the user's edits. They are of patches as the user saw them, all with charts, so the log is replayed on those; an
+/// edit may be of halves of patches that edits before it made and that had to be split, so these are mapped before it.
 pub(super) fn layout_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Layout> {
     let surface = surface_step(context, snapshot)?;
     let features = features_step(context, snapshot, &surface)?;
-    let mut partition = partition_step(context, snapshot, &surface, &features)?;
+    let partition = partition_step(context, snapshot, &surface, &features)?;
+    let mut layout = mapped_step(context, snapshot, surface, features, partition)?;
+    while let Some(left) = snapshot.patch_edits.get(layout.edits.len()..).filter(|left| !left.is_empty()) {
+        let edited = edits::edits_step(context, snapshot, &layout, left)?;
+        let Layout { surface, features, edits, resplit, .. } = layout;
+        let edits = [edits, edited.edits.clone()].concat();
+        let mapped = mapped_step(context, snapshot, surface, features, edited)?;
+        layout = Layout { resplit: resplit + mapped.resplit, edits, ..mapped };
+    }
+    Ok(layout)
+}
+
+/// A partition all of whose patches have a chart or a specification that gives none. A patch with a specification of its own is never
+/// split, nor is one whose named method is refused: what is wrong is kept beside the others, so that it can be named and mended.
+fn mapped_step(
+    context: &Context<'_>,
+    snapshot: &Snapshot,
+    surface: Surface,
+    features: Stored<Features>,
+    mut partition: Stored<Partition>,
+) -> Step<Layout> {
     let mut resplit = 0;
     for _ in 0..=MAX_RESPLITS {
         let cut = cut_step(context, snapshot, &surface, &features, &partition)?;
@@ -186,7 +204,7 @@ pub(super) fn layout_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<La
             .map(|p| p as u32)
             .collect();
         if failing.is_empty() {
-            return Ok(Layout { surface, features, partition, cut, patches, charts, resplit });
+            return Ok(Layout { surface, features, partition, cut, patches, charts, resplit, edits: Vec::new() });
         }
         resplit += failing.len() as u32;
         let key = StageKey::new(Stage::Partition, |f| {
@@ -358,47 +376,6 @@ pub(super) fn size_step(context: &Context<'_>, snapshot: &Snapshot, charts: &Cha
     context.stage(key, Subject::Surface, |work| evaluate_size(&surface.imported.mesh, &surface.topology, &charts.features, spec, work))
 }
 
-/// The metric of the anisotropic mesher; `None` for the others.
-pub(super) fn metric_step(
-    context: &Context<'_>,
-    snapshot: &Snapshot,
-    charts: &Charts,
-    sizes: &Stored<SizeField>,
-) -> Step<Option<Stored<SurfaceMetric>>> {
-    if snapshot.mesher != Mesher::Anisotropic {
-        return Ok(None);
-    }
-    let (surface, features, spec) = (&charts.surface, &charts.features, &snapshot.metric);
-    let key = StageKey::new(Stage::Metric, |f| {
-        f.fingerprint(surface.imported.output).fingerprint(features.output).fingerprint(sizes.output);
-        spec.feed(f);
-    });
-    let metric = context.stage(key, Subject::Surface, |work| {
-        let mesh = &surface.imported.mesh;
-        let curvature = curvature(mesh, &surface.topology, features, CURVATURE_SMOOTHING, work)?;
-        evaluate_metric(mesh, &surface.topology, features, &curvature, sizes, spec, work)
-    })?;
-    Ok(Some(metric))
-}
-
-/// What a mesh is made to: sizes, and the metric of the anisotropic mesher.
-#[derive(Clone, Copy)]
-pub(super) struct Wanted<'a> {
-    /// Lengths at the vertices of the imported surface; in [`lifted_step`] at those of the surface the patches are cut out of.
-    pub(super) vertex_size: &'a [f64],
-    pub(super) metric: Option<&'a SurfaceMetric>,
-}
-
-impl Wanted<'_> {
-    /// Length at each vertex, the smallest of all directions.
-    fn of_vertices(&self, mesh: &SurfaceMesh) -> Vec<f64> {
-        match self.metric {
-            None => self.vertex_size.to_vec(),
-            Some(metric) => (0..mesh.positions.len() as u32).map(|v| metric.smallest_length(v)).collect(),
-        }
-    }
-}
-
 /// Lifted meshes of patches and the curve meshes they share.
 pub(super) struct Lifted {
     curves: Vec<Option<Stored<CurveMesh>>>,
@@ -439,21 +416,7 @@ pub(super) fn lifted_step(
 fn curve_step(context: &Context<'_>, charts: &Charts, lengths: Wanted<'_>, c: usize) -> Step<Stored<CurveMesh>> {
     let (mesh, topology) = charts.ground();
     let curve = &charts.patches.network.curves[c];
-    let polyline: CurvePolyline = match lengths.metric {
-        None => curve_polyline(mesh, topology, curve, lengths.vertex_size),
-        Some(metric) => {
-            let before = charts.surface.imported.mesh.positions.len();
-            let split = |v: u32| charts.cut.as_ref().and_then(|cut| cut.new_vertices.get((v as usize).checked_sub(before)?));
-            let along = |v: u32, direction: Vec3| match split(v) {
-                None => metric.length_along(v, direction),
-                Some(p) => {
-                    let [a, b] = p.ends.map(|v| metric.length_along(v, direction));
-                    a + p.t * (b - a)
-                }
-            };
-            curve_polyline_in_metric(mesh, topology, curve, lengths.vertex_size, &along)
-        }
-    };
+    let polyline = lengths.polyline(charts, mesh, topology, curve);
     let key = StageKey::new(Stage::Curve, |f| polyline.feed(f));
     context.stage(key, Subject::Curve(c as u32), |work| mesh_curve(&polyline, work))
 }
@@ -470,11 +433,7 @@ fn lift_step(
     let subject = Subject::Patch(p as u32);
     let chart = charts.chart(p).ok_or_else(|| EngineError::invariant(format!("patch {p} has no chart")))?;
     let local_size: Vec<f64> = map.vertices.iter().map(|&v| lengths.vertex_size[v as usize]).collect();
-    let imported = &charts.surface.imported.mesh;
-    let tensors: Option<Vec<[[f64; 6]; 3]>> = lengths.metric.map(|metric| {
-        let places = patch.triangles.iter().map(|t| t.map(|v| patch.positions[v as usize]));
-        map.faces.iter().zip(places).map(|(&f, places)| metric.on_piece(imported, f, places)).collect()
-    });
+    let tensors = lengths.tensors(charts, patch, map);
     let uses = &charts.patches.uses[p];
     let mut meshes = Vec::with_capacity(uses.len());
     for used in uses {
@@ -536,16 +495,25 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
     let tree = tree.map_err(below)?;
     let assembled = assembly_step(context, &charts, &meshes).map_err(below)?;
     let spec = &snapshot.optimize;
+    let freedom = RegionFreedom::new(&charts.features.compounds, snapshot.features.region_borders);
     let key = StageKey::new(Stage::Optimize, |f| {
         f.fingerprint(charts.surface.imported.output).fingerprint(assembled.output).fingerprint(sizes.output).text(&format!("{spec:?}"));
+        if !freedom.is_none() {
+            f.u32s(&freedom.groups());
+        }
         if let Some(metric) = &metric {
             f.fingerprint(metric.output);
         }
     });
     let input = &charts.surface.imported.mesh;
-    let result = context.stage(key, Subject::Surface, |work| match &metric {
-        None => optimize_surface(input, &tree.value.output, &assembled, Interiors::Optimized, &sizes, spec, work),
-        Some(metric) => optimize_in_metric(input, &tree.value.output, &assembled, metric, spec, work),
+    let result = context.stage(key, Subject::Surface, |work| {
+        let mut result = match &metric {
+            None => optimize_surface(input, &tree.value.output, &assembled, Interiors::Optimized, &sizes, spec, work)?,
+            Some(metric) => optimize_in_metric(input, &tree.value.output, &assembled, metric, spec, work)?,
+        };
+        let (mesh, fixed) = (&mut result.mesh, &result.curve_edges);
+        result.lost_regions = assign_regions(input, &tree.value.output, mesh, fixed, freedom, work)?;
+        Ok(result)
     })?;
     Ok(Remesh { charts, sizes, metric, assembled, result })
 }
@@ -589,79 +557,4 @@ fn search_tree_step(context: &Context<'_>, imported: &Stored<Imported>) -> Step<
         let tree = TriangleBvh::build(&mesh.positions, &mesh.triangles);
         Ok(Kept { bytes: tree.bytes(), output: tree, of })
     })
-}
-
-pub(super) fn quality_step(context: &Context<'_>, remesh: &Remesh, scope: QualityScope) -> Step<Stored<QualityReport>> {
-    let surface = &remesh.charts.surface;
-    let tree = search_tree_step(context, &surface.imported)?;
-    let key = StageKey::new(Stage::Quality, |f| {
-        f.fingerprint(surface.imported.output).fingerprint(remesh.assembled.output).fingerprint(remesh.result.output);
-        f.fingerprint(remesh.sizes.output).u64(scope as u64);
-        if let Some(metric) = &remesh.metric {
-            f.fingerprint(metric.output);
-        }
-    });
-    context.stage(key, Subject::Surface, |work| {
-        let (output, assembled) = (&remesh.result.mesh, &remesh.assembled);
-        let target = |positions: &[Vec3]| match (&remesh.metric, remesh.sizes.uniform) {
-            (Some(metric), _) => metric_at(surface, &tree.value.output, metric, positions).map(TargetSize::Metric),
-            (None, Some(size)) => Ok(TargetSize::Uniform(size)),
-            (None, None) => sizes_at(surface, &tree.value.output, &remesh.sizes, positions).map(TargetSize::PerVertex),
-        };
-        let (size, size_before) = (target(&output.positions)?, target(&assembled.positions)?);
-        let before = Patched {
-            positions: &assembled.positions,
-            triangles: &assembled.triangles,
-            face_patch: &assembled.face_patch,
-            curve_edges: &assembled.curve_edges,
-        };
-        let after = Patched::of(output, &remesh.result.face_patch, &remesh.result.curve_edges);
-        let seams = SeamQuality { before: measure_seams(&before, &size_before), after: measure_seams(&after, &size) };
-        let report = measure_quality(&surface.imported.mesh, &tree.value.output, output, Some(&size), scope, work)?;
-        Ok(QualityReport { seams: Some(seams), ..report })
-    })
-}
-
-/// The metric at points near the input.
-fn metric_at(surface: &Surface, tree: &TriangleBvh, metric: &SurfaceMetric, points: &[Vec3]) -> Result<Vec<[f64; 6]>> {
-    let input = &surface.imported.mesh;
-    let at = |point: &Vec3| {
-        let hit = tree.closest(*point).ok_or_else(|| EngineError::invariant("the search tree is empty"))?;
-        let (_, barycentric) = closest_on_triangle(*point, &input.corners(hit.face as usize));
-        Ok(metric.at(input, hit.face, barycentric))
-    };
-    points.iter().map(at).collect()
-}
-
-/// The size field at points near the input, linear on the input face below each.
-fn sizes_at(surface: &Surface, tree: &TriangleBvh, sizes: &SizeField, points: &[Vec3]) -> Result<Vec<f64>> {
-    let input = &surface.imported.mesh;
-    let at = |point: &Vec3| {
-        let hit = tree.closest(*point).ok_or_else(|| EngineError::invariant("the search tree is empty"))?;
-        let [a, b, c] = input.corners(hit.face as usize);
-        let [i, j, k] = input.triangles[hit.face as usize].map(|v| sizes.vertex_size[v as usize]);
-        let weight = |p, q| crate::vector::triangle_area(p, q, hit.position);
-        let (wa, wb, wc) = (weight(b, c), weight(c, a), weight(a, b));
-        let sum = wa + wb + wc;
-        Ok(if sum > 0.0 { (wa * i + wb * j + wc * k) / sum } else { i })
-    };
-    points.iter().map(at).collect()
-}
-
-pub(super) fn compare_step(
-    context: &Context<'_>,
-    input: (&MeshSource, &ImportOptions),
-    output: (&MeshSource, &ImportOptions),
-    size: Option<f64>,
-    scope: QualityScope,
-) -> Step<Stored<QualityReport>> {
-    let before = import_source_step(context, input.0, input.1)?;
-    let after = import_source_step(context, output.0, output.1)?;
-    let tree = search_tree_step(context, &before)?;
-    let key = StageKey::new(Stage::Quality, |f| {
-        f.text("compare").fingerprint(before.output).fingerprint(after.output).option_f64(size).u64(scope as u64);
-    });
-    let target = size.map(TargetSize::Uniform);
-    context
-        .stage(key, Subject::Surface, |work| measure_quality(&before.mesh, &tree.value.output, &after.mesh, target.as_ref(), scope, work))
 }

@@ -10,7 +10,7 @@ use std::sync::Arc;
 pub struct PatchSet {
     /// Each patch with its fingerprint and its place in the surface.
     pub patches: Vec<(Arc<Patch>, Fingerprint, Arc<PatchMap>)>,
-    /// Which patch each is (see [`crate::patch::patch_identities`]).
+    /// Which patch each is (see [`crate::partition::patch_identities`]).
     pub identities: Vec<Fingerprint>,
     /// The curves.
     pub network: CurveNetwork,

@@ -1,6 +1,6 @@
 //! Engine results to wire messages. Nothing here can fail.
 
-use super::charts;
+use super::{charts, patches};
 use crate::status::location;
 use remesh_engine::diagnose::{Defect, Diagnosis, Finding};
 use remesh_engine::features::{FeatureSpec, RegionBorders};
@@ -172,6 +172,7 @@ pub(crate) fn patch_summary(number: usize, patch: &PatchSummary, box_aspect_rati
         border_length: patch.border_length,
         aspect_ratio: patch.aspect_ratio,
         box_aspect_ratio,
+        origin: patches::origin(patch.origin).into(),
     }
 }
 
@@ -242,6 +243,7 @@ pub(crate) fn inputs(snapshot: &Snapshot) -> v1::SessionInputs {
         mesher: Some(mesher(snapshot)),
         optimize: Some(optimize(&snapshot.optimize)),
         patch_charts: snapshot.patch_charts.len() as u32,
+        patch_edits: snapshot.patch_edits.len() as u32,
     }
 }
 
@@ -256,6 +258,7 @@ fn features(spec: &FeatureSpec) -> v1::FeatureSpec {
         min_chain_share: Some(spec.min_chain_share),
         region_borders: borders.into(),
         explicit_edges: None,
+        compounds: Some(patches::compound_spec_wire(&spec.compounds)),
     }
 }
 

@@ -21,3 +21,5 @@ mod lifecycle;
 mod limits;
 #[path = "service/meshers.rs"]
 mod meshers;
+#[path = "service/patches.rs"]
+mod patches;

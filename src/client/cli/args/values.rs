@@ -199,6 +199,41 @@ pub(super) fn feature_angle(text: &str) -> Result<FeatureAngle, String> {
     }
 }
 
+/// How a patch is cut.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SplitChoice {
+    /// Along a short cut, with about half of the area on either side
+    Balanced,
+    /// Through the centres of harmonic maps at many scales: long patches lengthwise
+    Laplace,
+}
+
+/// A compound, or the word for no compound at all.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum RegionListArg {
+    Regions(Vec<i64>),
+    None,
+}
+
+pub(super) fn region_list(text: &str) -> Result<RegionListArg, String> {
+    if text == "none" {
+        return Ok(RegionListArg::None);
+    }
+    let number = |part: &str| part.trim().parse::<i64>().map_err(|_| format!("'{part}' is not a region number"));
+    text.split(',').map(number).collect::<Result<_, _>>().map(RegionListArg::Regions)
+}
+
+/// A positive number, or none.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum LimitArg {
+    Below(f64),
+    None,
+}
+
+pub(super) fn limit(text: &str) -> Result<LimitArg, String> {
+    if text == "none" { Ok(LimitArg::None) } else { positive(text).map(LimitArg::Below) }
+}
+
 /// `x,y,z,nx,ny,nz`.
 pub(super) fn plane(text: &str) -> Result<PlaneArg, String> {
     let numbers: Vec<f64> = text.split(',').map(|part| number(part.trim())).collect::<Result<_, _>>()?;
