@@ -17,7 +17,7 @@ fn measured(mesh: &SurfaceMesh, features: Option<&FeatureSpec>) -> (Topology, Cu
     let topology = Topology::build(&mesh.triangles, mesh.positions.len()).unwrap();
     let cancel = CancelToken::new();
     let work = Work::silent(&cancel);
-    let none = Features { is_feature: vec![false; topology.halfedge_count()], corners: Vec::new() };
+    let none = Features { is_feature: vec![false; topology.halfedge_count()], corners: Vec::new(), ..Features::default() };
     let features = features.map_or(none, |spec| crate::features::detect_features(mesh, &topology, spec, &work).unwrap());
     let curvature = curvature(mesh, &topology, &features, 0, &work).unwrap();
     (topology, curvature)
@@ -200,7 +200,7 @@ fn smoothing_keeps_spheres_and_lowers_noise() {
     let mut mesh = uneven_sphere(1.0, 4);
     let spread = |mesh: &SurfaceMesh, passes: u32| {
         let topology = Topology::build(&mesh.triangles, mesh.positions.len()).unwrap();
-        let none = Features { is_feature: vec![false; topology.halfedge_count()], corners: Vec::new() };
+        let none = Features { is_feature: vec![false; topology.halfedge_count()], corners: Vec::new(), ..Features::default() };
         let tensors = curvature(mesh, &topology, &none, passes, &work).unwrap().per_vertex();
         (tensors.iter().map(|t| (t.k1 - 1.0).powi(2) + (t.k2 - 1.0).powi(2)).sum::<f64>() / tensors.len() as f64).sqrt()
     };
