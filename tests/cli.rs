@@ -164,6 +164,22 @@ fn mistakes_are_told_before_the_work() {
 }
 
 #[test]
+fn meshers_are_chosen_and_their_options_go_with_them() {
+    let scratch = Scratch::new("meshers");
+    scratch.remesh(&["sample", "tube", "--triangles", "800", "-o", "t.stl"]).ok();
+    for mesher in ["frontal", "delaunay", "mesh-adapt", "anisotropic"] {
+        scratch.remesh(&["run", "t.stl", "-o", "o.stl", "--triangles", "400", "--mesher", mesher]).ok();
+    }
+    let run = |more: &[&str]| scratch.remesh(&[&["run", "t.stl", "-o", "o.stl", "--triangles", "400"], more].concat()).code;
+    assert_eq!(run(&["--mesher", "delaunay", "--min-angle", "25"]), Some(0));
+    assert_eq!(run(&["--mesher", "anisotropic", "--metric-normal-angle", "15", "--max-stretch", "4"]), Some(0));
+    assert_eq!(run(&["--min-angle", "25"]), Some(2));
+    assert_eq!(run(&["--mesher", "frontal", "--max-stretch", "4"]), Some(2));
+    std::fs::write(scratch.path("tensors.txt"), "1 0 0 1 0 1\n").expect("written");
+    assert_eq!(run(&["--mesher", "anisotropic", "--metric-file", "tensors.txt"]), Some(1), "one tensor for many vertices");
+}
+
+#[test]
 fn pictures_are_drawn_without_a_display() {
     let scratch = Scratch::new("render");
     scratch.remesh(&["sample", "cad-part", "--triangles", "2000", "-o", "part.off"]).ok();

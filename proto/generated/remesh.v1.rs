@@ -1577,12 +1577,61 @@ pub mod lock_spec {
         Vertices(super::PackedArray),
     }
 }
+/// Lengths from curvature. With both bounds the shorter length is taken; with none the angle is 20.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct CurvatureMetric {
+    /// Largest distance between the mesh and the surface, in units of the mesh.
+    #[prost(double, optional, tag = "1")]
+    pub deviation: ::core::option::Option<f64>,
+    /// Largest angle between the normals at the ends of an edge, degrees, in (0, 120\].
+    #[prost(double, optional, tag = "2")]
+    pub normal_angle: ::core::option::Option<f64>,
+}
+/// Which lengths the anisotropic mesher follows, in which directions. The sizes of the session bound them from above.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct MetricSpec {
+    /// Smallest length in any direction.
+    #[prost(double, optional, tag = "3")]
+    pub min_size: ::core::option::Option<f64>,
+    /// Largest length in any direction.
+    #[prost(double, optional, tag = "4")]
+    pub max_size: ::core::option::Option<f64>,
+    /// Largest ratio of the lengths wanted at a point in two directions, at least 1. Default 10.
+    #[prost(double, optional, tag = "5")]
+    pub max_stretch: ::core::option::Option<f64>,
+    /// Largest ratio of the lengths of neighbouring elements, at least 1; exactly 1 grades not at all. Default 1.5.
+    #[prost(double, optional, tag = "6")]
+    pub growth_rate: ::core::option::Option<f64>,
+    /// Default: from curvature.
+    #[prost(oneof = "metric_spec::Source", tags = "1, 2")]
+    pub source: ::core::option::Option<metric_spec::Source>,
+}
+/// Nested message and enum types in `MetricSpec`.
+pub mod metric_spec {
+    /// Default: from curvature.
+    #[derive(Clone, PartialEq, ::prost::Oneof)]
+    pub enum Source {
+        /// From the curvature of the input.
+        #[prost(message, tag = "1")]
+        Curvature(super::CurvatureMetric),
+        /// A tensor for each vertex of the imported mesh: six f64 (xx, xy, xz, yy, yz, zz) of a symmetric matrix M such that an edge e in the
+        /// tangent plane is sqrt(e M e) elements long.
+        #[prost(message, tag = "2")]
+        Tensors(super::PackedArray),
+    }
+}
 /// How charts are meshed.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+#[derive(Clone, PartialEq, ::prost::Message)]
 pub struct MesherSpec {
     /// The mesher.
     #[prost(enumeration = "MesherKind", tag = "1")]
     pub kind: i32,
+    /// Least angle in degrees, in \[0, 33\], for the Delaunay mesher only. Default 28.
+    #[prost(double, optional, tag = "2")]
+    pub min_angle: ::core::option::Option<f64>,
+    /// What the anisotropic mesher follows; for it only.
+    #[prost(message, optional, tag = "3")]
+    pub metric: ::core::option::Option<MetricSpec>,
 }
 /// How the joined mesh is optimised across patch borders.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
@@ -1715,6 +1764,12 @@ pub enum MesherKind {
     Unspecified = 0,
     /// Delaunay with points placed from the front.
     Frontal = 1,
+    /// Delaunay refinement with a least angle.
+    Delaunay = 2,
+    /// Local operations: split, collapse, swap, smooth.
+    MeshAdapt = 3,
+    /// Follows a metric: other lengths in other directions.
+    Anisotropic = 4,
 }
 impl MesherKind {
     /// String value of the enum field names used in the ProtoBuf definition.
@@ -1725,6 +1780,9 @@ impl MesherKind {
         match self {
             Self::Unspecified => "MESHER_KIND_UNSPECIFIED",
             Self::Frontal => "MESHER_KIND_FRONTAL",
+            Self::Delaunay => "MESHER_KIND_DELAUNAY",
+            Self::MeshAdapt => "MESHER_KIND_MESH_ADAPT",
+            Self::Anisotropic => "MESHER_KIND_ANISOTROPIC",
         }
     }
     /// Creates an enum from field names used in the ProtoBuf definition.
@@ -1732,6 +1790,9 @@ impl MesherKind {
         match value {
             "MESHER_KIND_UNSPECIFIED" => Some(Self::Unspecified),
             "MESHER_KIND_FRONTAL" => Some(Self::Frontal),
+            "MESHER_KIND_DELAUNAY" => Some(Self::Delaunay),
+            "MESHER_KIND_MESH_ADAPT" => Some(Self::MeshAdapt),
+            "MESHER_KIND_ANISOTROPIC" => Some(Self::Anisotropic),
             _ => None,
         }
     }

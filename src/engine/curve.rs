@@ -11,10 +11,13 @@ use crate::topology::Topology;
 use crate::vector::Vec3;
 use crate::work::Work;
 
+mod directed;
 mod discretize;
 mod faithful;
 mod locked;
 mod trace;
+
+pub use directed::curve_polyline_in_metric;
 
 /// Why an edge of the surface is part of a curve; the first that applies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]

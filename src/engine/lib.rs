@@ -30,6 +30,7 @@ pub mod patch;
 
 pub mod curvature;
 
+pub mod metric;
 pub mod parametrize;
 pub mod planar;
 pub mod sizing;

@@ -2,6 +2,7 @@
 //! tangential smoothing with projection to the input.
 
 mod activity;
+mod anisotropic;
 mod capture;
 mod chase;
 mod input;
@@ -12,6 +13,8 @@ mod rounds;
 mod sag;
 mod state;
 mod untangle;
+
+pub use anisotropic::optimize_in_metric;
 
 use crate::assemble::Assembled;
 use crate::bvh::TriangleBvh;

@@ -17,6 +17,7 @@ use crate::error::{EngineError, Reason, Result};
 use crate::features::Features;
 use crate::import::{ImportOptions, Imported};
 use crate::mesh::SurfaceMesh;
+use crate::metric::SurfaceMetric;
 use crate::optimize::Remeshed;
 use crate::parametrize::{Chart, ChartAttempt, ChartOutcome, ChartSpec, Distortion};
 use crate::partition::{EditState, Ground, Partition, PatchEdit, PatchRequest, PatchSummary, box_aspect_ratios, edit_partition, name_edit};
@@ -225,6 +226,8 @@ pub struct Remesh {
     pub charts: Charts,
     /// Wanted sizes.
     pub sizes: Stored<SizeField>,
+    /// The metric, if the mesher follows one.
+    pub metric: Option<Stored<SurfaceMetric>>,
     /// The mesh before the optimisation.
     pub assembled: Stored<Assembled>,
     /// The finished mesh.
@@ -439,7 +442,9 @@ pub fn remesh_patches(
             return Err(EngineError::new(Reason::PatchNotFound, message).into());
         }
         let sizes = graph::size_step(context, snapshot, &charts)?;
-        let meshes = graph::lifted_step(context, snapshot, &charts, &sizes, patches)?;
+        let metric = graph::metric_step(context, snapshot, &charts, &sizes)?;
+        let lengths = graph::Wanted::new(&sizes, metric.as_deref());
+        let meshes = graph::lifted_step(context, snapshot, &charts, lengths, patches)?;
         Ok((charts, meshes.lifted))
     })
 }

@@ -2,7 +2,7 @@
 //! planar mesh to the input surface.
 
 use crate::curve::CurveMesh;
-use crate::error::Result;
+use crate::error::{EngineError, Result};
 use crate::fingerprint::{Contents, Feeder};
 use crate::parametrize::Chart;
 use crate::patch::Patch;
@@ -11,7 +11,9 @@ use crate::vector::{Vec2, Vec3};
 use crate::work::Work;
 use std::collections::BTreeMap;
 
+mod adapt;
 mod boundary;
+mod delaunay;
 mod flexible;
 mod frontal;
 mod locate;
@@ -112,15 +114,44 @@ impl Contents for LiftedPatch {
 }
 
 /// Planar mesher options.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Mesher {
     /// Delaunay with points placed from the front (Rebay 1993), the default.
     #[default]
     Frontal,
+    /// Delaunay refinement (Ruppert, Chew): circumcentres of triangles too large or too sharp.
+    Delaunay {
+        /// Least angle on the surface, in degrees, from 0 to [`MAX_MIN_ANGLE_DEG`]; held but where curves leave no choice.
+        min_angle_deg: f64,
+    },
+    /// Local operations under the metric: split, collapse, swap, smooth.
+    MeshAdapt,
+    /// Follows a metric that asks for different lengths in different directions (see [`crate::metric`]).
+    Anisotropic,
+}
+
+/// Largest least angle that Delaunay refinement can be asked for, in degrees: beyond it need not end.
+pub const MAX_MIN_ANGLE_DEG: f64 = 33.0;
+/// Least angle of [`Mesher::Delaunay`] where none is named, in degrees.
+pub const DEFAULT_MIN_ANGLE_DEG: f64 = 28.0;
+
+impl Mesher {
+    /// # Errors
+    /// [`Reason::BadParameter`](crate::error::Reason::BadParameter) for a least angle out of range.
+    pub fn validate(&self) -> Result<()> {
+        match *self {
+            Mesher::Delaunay { min_angle_deg } if !(0.0..=MAX_MIN_ANGLE_DEG).contains(&min_angle_deg) => {
+                Err(EngineError::bad_parameter("mesher.min_angle", format!("{min_angle_deg} is not in [0, {MAX_MIN_ANGLE_DEG}]")))
+            }
+            _ => Ok(()),
+        }
+    }
 }
 
 /// Rounds of smoothing in the plane after the front has closed.
 const SMOOTHING_ROUNDS: usize = 3;
+/// The same after refinement, which leaves less even triangles.
+const DELAUNAY_SMOOTHING_ROUNDS: usize = 6;
 
 /// Meshes a chart. `vertex_size` is the wanted length in space at each patch vertex. Deterministic; near-linear.
 ///
@@ -139,7 +170,36 @@ pub fn mesh_chart(
     mesher: Mesher,
     work: &Work<'_>,
 ) -> Result<PlanarMesh> {
-    let Mesher::Frontal = mesher;
+    mesh_chart_in(patch, chart, curves, &Lengths { vertex_size, tensors: None }, mesher, work)
+}
+
+/// Which lengths are wanted on a patch.
+#[derive(Debug, Clone, Copy)]
+pub struct Lengths<'a> {
+    /// Wanted length in space at each patch vertex; with tensors the smallest of all directions.
+    pub vertex_size: &'a [f64],
+    /// Tensors at the corners of each face (`xx xy xz yy yz zz`), in the plane of the face, whose quadratic form is the squared length in
+    /// elements; `None` where all directions are alike.
+    pub tensors: Option<&'a [[[f64; 6]; 3]]>,
+}
+
+/// The same under a metric with directions of its own.
+///
+/// # Errors
+/// Those of [`mesh_chart`]; [`Reason::Invariant`](crate::error::Reason::Invariant) for arrays that do not fit the patch.
+pub fn mesh_chart_in(
+    patch: &Patch,
+    chart: &Chart,
+    curves: &[CurveUse<'_>],
+    lengths: &Lengths<'_>,
+    mesher: Mesher,
+    work: &Work<'_>,
+) -> Result<PlanarMesh> {
+    let vertex_size = lengths.vertex_size;
+    if vertex_size.len() != patch.positions.len() || lengths.tensors.is_some_and(|t| t.len() != patch.triangles.len()) {
+        return Err(EngineError::invariant("the lengths are not of this patch"));
+    }
+    mesher.validate()?;
     work.check()?;
     let topology = Topology::build(&patch.triangles, patch.positions.len())?;
     let mut outline = boundary::Outline::new(patch, &chart.uv, &topology, curves)?;
@@ -147,14 +207,13 @@ pub fn mesh_chart(
     let Some(mut mesh) = outline.triangulate(patch, &chart.uv, &topology, curves, work)? else {
         return reduce::from_patch(patch, &chart.uv, &topology, curves, vertex_size, &locator, work);
     };
-    let field = metric::MetricField::new(patch, &chart.uv, vertex_size);
+    let field = metric::MetricField::new(patch, &chart.uv, vertex_size, lengths.tensors);
     mesh.metric = outline.metrics(&locator, &field);
     let domain = frontal::Domain { locator: &locator, field: &field };
     let first_free = mesh.uv.len();
     let mut points = std::mem::take(&mut outline.points);
     mesh.flip_all();
-    frontal::fill(&domain, &mut mesh, &mut points, work)?;
-    smooth::smooth(&domain, &mut mesh, &mut points, first_free, SMOOTHING_ROUNDS, work)?;
+    fill(mesher, &domain, &mut mesh, &mut points, first_free, work)?;
     let mut origins = std::mem::take(&mut outline.origins);
     origins.resize(mesh.uv.len(), VertexOrigin::Interior);
     let planar = PlanarMesh { uv: mesh.uv, triangles: mesh.tri, origins, points };
@@ -162,6 +221,35 @@ pub fn mesh_chart(
         return reduce::without_extra(patch, planar, &outline, curves, &locator, work);
     }
     Ok(planar)
+}
+
+/// Fills the triangulated outline by one of the meshers. Vertices before `first_free` lie on curves.
+fn fill(
+    mesher: Mesher,
+    domain: &frontal::Domain<'_>,
+    mesh: &mut triangulation::Triangulation,
+    points: &mut Vec<SurfacePoint>,
+    first_free: usize,
+    work: &Work<'_>,
+) -> Result<()> {
+    match mesher {
+        Mesher::Frontal => {
+            frontal::fill(domain, mesh, points, work)?;
+            smooth::smooth(domain, mesh, points, first_free, smooth::Smoothing::plain(SMOOTHING_ROUNDS), work)
+        }
+        Mesher::Delaunay { min_angle_deg } => {
+            delaunay::refine(domain, mesh, points, min_angle_deg, delaunay::Goal::SizeAndAngle, work)?;
+            let how =
+                smooth::Smoothing { rounds: DELAUNAY_SMOOTHING_ROUNDS, aim: smooth::Aim::Mean, guard: smooth::Guard::Angle(min_angle_deg) };
+            smooth::smooth(domain, mesh, points, first_free, how, work)?;
+            delaunay::refine(domain, mesh, points, min_angle_deg, delaunay::Goal::Angle, work)
+        }
+        Mesher::MeshAdapt => adapt::adapt(domain, mesh, points, first_free, smooth::Aim::Mean, work),
+        Mesher::Anisotropic => {
+            frontal::fill(domain, mesh, points, work)?;
+            adapt::adapt(domain, mesh, points, first_free, smooth::Aim::UnitEdges, work)
+        }
+    }
 }
 
 /// Point in space of a point on a face of a patch.

@@ -20,6 +20,8 @@ pub enum TargetSize {
     Uniform(f64),
     /// A length at each vertex of the output.
     PerVertex(Vec<f64>),
+    /// A tensor at each vertex of the output (`xx xy xz yy yz zz`), whose quadratic form is the squared length in elements.
+    Metric(Vec<[f64; 6]>),
 }
 
 /// Shape and size of the elements.
@@ -182,6 +184,9 @@ fn check_target(target: Option<&TargetSize>, output: &SurfaceMesh) -> Result<()>
         Some(TargetSize::Uniform(size)) if !positive(size) => bad(format!("size {size} is not positive")),
         Some(TargetSize::PerVertex(sizes)) if sizes.len() != output.positions.len() => {
             bad(format!("{} sizes for {} vertices", sizes.len(), output.positions.len()))
+        }
+        Some(TargetSize::Metric(tensors)) if tensors.len() != output.positions.len() => {
+            bad(format!("{} tensors for {} vertices", tensors.len(), output.positions.len()))
         }
         Some(TargetSize::PerVertex(sizes)) => match sizes.iter().position(|s| !positive(s)) {
             Some(v) => bad(format!("size {} at vertex {v} is not positive", sizes[v])),

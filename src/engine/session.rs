@@ -7,6 +7,7 @@ use crate::fingerprint::{Contents, Feeder, Fingerprint};
 use crate::import::ImportOptions;
 use crate::lock::LockSpec;
 use crate::mesh::SurfaceMesh;
+use crate::metric::MetricSpec;
 use crate::optimize::OptimizeSpec;
 use crate::parametrize::ChartSpec;
 use crate::partition::{PartitionSpec, PatchEdit};
@@ -106,6 +107,8 @@ pub struct Snapshot {
     pub lock: LockSpec,
     /// The planar mesher.
     pub mesher: Mesher,
+    /// What the anisotropic mesher follows; other meshers do not look at it.
+    pub metric: Arc<MetricSpec>,
     /// How far to optimise.
     pub optimize: OptimizeSpec,
 }
@@ -124,6 +127,7 @@ impl Snapshot {
             size: None,
             lock: LockSpec::default(),
             mesher: Mesher::default(),
+            metric: Arc::default(),
             optimize: OptimizeSpec::default(),
         }
     }
@@ -172,6 +176,8 @@ pub enum Change {
     Lock(LockSpec),
     /// Replace the planar mesher.
     Mesher(Mesher),
+    /// Take the anisotropic mesher, with what it follows.
+    Anisotropic(MetricSpec),
     /// Replace the optimisation specification.
     Optimize(OptimizeSpec),
     /// Take all inputs of an earlier revision that is still kept (undo).
@@ -308,7 +314,14 @@ impl Session {
                     next.size = Some(spec.clone());
                 }
                 Change::Lock(spec) => next.lock = spec.clone(),
-                Change::Mesher(mesher) => next.mesher = *mesher,
+                Change::Mesher(mesher) => {
+                    mesher.validate()?;
+                    next.mesher = *mesher;
+                }
+                Change::Anisotropic(spec) => {
+                    spec.validate()?;
+                    (next.mesher, next.metric) = (Mesher::Anisotropic, Arc::new(spec.clone()));
+                }
                 Change::Optimize(spec) => next.optimize = spec.clone(),
                 Change::Rollback(revision) => {
                     let kept = state.history.iter().find(|s| s.revision == *revision);

@@ -43,6 +43,8 @@ pub enum Stage {
     Centerline,
     /// Wanted edge length at the input's vertices.
     Size,
+    /// Metric with directions of its own on the input.
+    Metric,
     /// One-dimensional mesh of a curve.
     Curve,
     /// Planar mesh of a chart.
@@ -61,7 +63,7 @@ pub enum Stage {
 
 impl Stage {
     /// All stages in pipeline order.
-    pub const ALL: [Stage; 24] = [
+    pub const ALL: [Stage; 25] = [
         Stage::Import,
         Stage::Topology,
         Stage::SearchTree,
@@ -79,6 +81,7 @@ impl Stage {
         Stage::Thickness,
         Stage::Centerline,
         Stage::Size,
+        Stage::Metric,
         Stage::Curve,
         Stage::Planar,
         Stage::Lift,
@@ -108,6 +111,7 @@ impl Stage {
             Stage::Thickness => "thickness",
             Stage::Centerline => "centerline",
             Stage::Size => "size",
+            Stage::Metric => "metric",
             Stage::Curve => "curve",
             Stage::Planar => "planar",
             Stage::Lift => "lift",

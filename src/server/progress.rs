@@ -21,6 +21,7 @@ fn share(stage: Stage) -> f64 {
         | Stage::Cut
         | Stage::Patches
         | Stage::Size
+        | Stage::Metric
         | Stage::Curve
         | Stage::System => 1.0,
         Stage::Curvature | Stage::Proximity | Stage::Thickness | Stage::Centerline => 1.0,

@@ -2,11 +2,13 @@
 
 mod chart;
 mod field;
+mod mesher;
 mod patch;
 mod values;
 
 pub(crate) use chart::{ChartAllArgs, ChartArgs, ChartOutput, ChartSpecArgs, ChartVerb, PatchOf, PatchSpecArgs};
 pub(crate) use field::FieldArg;
+pub(crate) use mesher::{MesherArgs, MesherName, MetricArgs};
 pub(crate) use patch::{PartitionArgs, PatchArgs, PatchVerb};
 #[cfg(test)]
 pub(crate) use values::PinArg;
@@ -243,6 +245,8 @@ pub(crate) struct InputArgs {
     /// Chase triangles of lower kappa one by one afterwards [default: 0.5]
     #[arg(long, value_name = "KAPPA", value_parser = not_negative, allow_negative_numbers = true)]
     pub(crate) min_kappa: Option<f64>,
+    #[command(flatten)]
+    pub(crate) mesher: MesherArgs,
 }
 
 #[derive(Debug, Args)]

@@ -154,6 +154,16 @@ pub(crate) fn read_polylines(path: &Path) -> Outcome<Vec<Polyline>> {
     Ok(lines)
 }
 
+/// Numbers of any sign.
+pub(crate) fn read_signed_numbers(path: &Path) -> Outcome<Vec<f64>> {
+    let text = read_text(path)?;
+    let number = |(line, word): (usize, &str)| match word.parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok(value),
+        _ => Err(malformed(path, line, &format!("'{word}' is not a number"))),
+    };
+    words(&text).map(number).collect()
+}
+
 /// Numbers of faces.
 pub(crate) fn read_indices(path: &Path) -> Outcome<Vec<u32>> {
     let text = read_text(path)?;

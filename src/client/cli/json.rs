@@ -396,8 +396,28 @@ fn inputs(inputs: &v1::SessionInputs) -> Value {
         "size": size,
         "lock": inputs.lock.as_ref().and_then(|l| l.lock.as_ref()).map(lock_name),
         "locked": inputs.lock.as_ref().map_or(0, |l| l.count),
+        "mesher": inputs.mesher.as_ref().map(|m| enum_name(m.kind().as_str_name(), "MESHER_KIND_")),
+        "min_angle": inputs.mesher.as_ref().and_then(|m| m.min_angle),
+        "metric": inputs.mesher.as_ref().and_then(|m| m.metric.as_ref()).map(metric),
         "rounds": optimize.rounds,
         "min_kappa": optimize.min_kappa,
+    })
+}
+
+fn metric(metric: &v1::MetricSpec) -> Value {
+    use v1::metric_spec::Source;
+    let curvature = match &metric.source {
+        Some(Source::Curvature(c)) => Some(*c),
+        _ => None,
+    };
+    json!({
+        "per_vertex": matches!(metric.source, Some(Source::Tensors(_))),
+        "deviation": curvature.and_then(|c| c.deviation),
+        "normal_angle": curvature.and_then(|c| c.normal_angle),
+        "min_size": metric.min_size,
+        "max_size": metric.max_size,
+        "max_stretch": metric.max_stretch,
+        "growth_rate": metric.growth_rate,
     })
 }
 

@@ -1,6 +1,7 @@
 //! From options of the command line to the specs of the protocol.
 
 mod chart;
+mod mesher;
 mod size;
 
 pub(crate) use chart::{chart_edit, merged_chart, names_vertices};
@@ -116,6 +117,10 @@ pub(crate) async fn changes(
             LockChoice::Vertices(vertices) => Lock::Vertices(packed(client, pack_u32(vertices)).await?),
         };
         changes.push(Change::Lock(v1::LockSpec { lock: Some(lock), count: 0 }));
+    }
+    let mesher = current.mesher.clone().unwrap_or_default();
+    if let Some(spec) = mesher::mesher_spec(client, &args.mesher, &mesher).await? {
+        changes.push(Change::Mesher(spec));
     }
     let mut optimize = current.optimize.unwrap_or_default();
     if args.rounds.is_some() || args.min_kappa.is_some() {

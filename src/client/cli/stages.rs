@@ -21,7 +21,7 @@ fn group_name(stage: &str) -> &str {
     match stage {
         "topology" | "search_tree" | "features" | "partition" | "cut" | "patches" => "partition",
         "system" | "factor" | "boundary" | "solve" | "chart" => "charts",
-        "curvature" | "proximity" | "thickness" | "centerline" | "size" | "curve" | "planar" | "lift" => "meshing",
+        "curvature" | "proximity" | "thickness" | "centerline" | "size" | "metric" | "curve" | "planar" | "lift" => "meshing",
         "assembly" | "optimize" => "optimisation",
         other => other,
     }

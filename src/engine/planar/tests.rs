@@ -1,5 +1,7 @@
 //! Generated charts with closed-form maps, and the invariants every patch mesh must have.
 
+mod meshers;
+
 use super::*;
 use crate::curve::{CurveKind, CurvePolyline, mesh_curve};
 use crate::parametrize::{ChartMethod, Distortion};

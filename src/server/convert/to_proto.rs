@@ -1,6 +1,6 @@
 //! Engine results to wire messages. Nothing here can fail.
 
-use super::{charts, patches, sizes};
+use super::{charts, meshers, patches, sizes};
 use crate::status::location;
 use remesh_engine::diagnose::{Defect, Diagnosis, Finding};
 use remesh_engine::features::{FeatureSpec, RegionBorders};
@@ -8,7 +8,6 @@ use remesh_engine::import::ImportReport;
 use remesh_engine::mesh::{LengthUnit, Region, SurfaceMesh};
 use remesh_engine::optimize::OptimizeSpec;
 use remesh_engine::partition::{BorderSmoothing, PartitionSpec, PartitionStrategy, PatchSummary, Plane};
-use remesh_engine::planar::Mesher;
 use remesh_engine::quality::seams::{PartQuality, SeamSplit};
 use remesh_engine::quality::{Fidelity, QualityReport, ShapeQuality, TopologyNumbers};
 use remesh_engine::session::Snapshot;
@@ -239,7 +238,7 @@ pub(crate) fn inputs(snapshot: &Snapshot) -> v1::SessionInputs {
         partition: Some(partition(&snapshot.partition)),
         charts: Some(charts::wire(&snapshot.chart)),
         size: snapshot.size.as_ref().map(sizes::wire),
-        mesher: Some(mesher(snapshot.mesher)),
+        mesher: Some(meshers::wire(snapshot)),
         optimize: Some(optimize(&snapshot.optimize)),
         patch_charts: snapshot.patch_charts.len() as u32,
         patch_edits: snapshot.patch_edits.len() as u32,
@@ -296,13 +295,6 @@ pub(crate) fn strategy(strategy: PartitionStrategy) -> (v1::PartitionStrategy, O
 fn cut_plane(plane: Plane) -> v1::CutPlane {
     let point = |[x, y, z]: [f64; 3]| Some(v1::Point { x, y, z });
     v1::CutPlane { point: point(plane.point), normal: point(plane.normal) }
-}
-
-fn mesher(mesher: Mesher) -> v1::MesherSpec {
-    let kind = match mesher {
-        Mesher::Frontal => v1::MesherKind::Frontal,
-    };
-    v1::MesherSpec { kind: kind.into() }
 }
 
 fn optimize(spec: &OptimizeSpec) -> v1::OptimizeSpec {

@@ -2,7 +2,7 @@
 
 use super::upload::receive;
 use crate::convert::from_proto::{self, WhichMesh};
-use crate::convert::to_proto;
+use crate::convert::{sources, to_proto};
 use crate::dispatch::{Call, Intent};
 use crate::state::{Shared, Target, blob_name};
 use crate::status::Fault;
@@ -32,8 +32,8 @@ fn milliseconds(begin: Instant) -> f64 {
 
 fn import(shared: &Shared, run: &Run<'_>, target: &Target, request: v1::ImportMeshRequest) -> EngineResult<v1::ImportMeshResponse> {
     let begin = Instant::now();
-    let options = from_proto::import_options(&shared.engine, request.options)?;
-    let source = from_proto::import_source(&shared.engine, request.source)?;
+    let options = sources::import_options(&shared.engine, request.options)?;
+    let source = sources::import_source(&shared.engine, request.source)?;
     let mut candidate = Snapshot::clone(&target.snapshot);
     candidate.source = Some(source.clone());
     candidate.import = options.clone();

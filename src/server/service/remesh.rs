@@ -1,7 +1,7 @@
 //! `RemeshService`: the whole pipeline, for a session or in one call.
 
 use super::mesh::write;
-use crate::convert::{from_proto, sizes, to_proto};
+use crate::convert::{from_proto, meshers, sizes, sources, to_proto};
 use crate::dispatch::{Call, Intent};
 use crate::state::{Shared, Target};
 use crate::stream::Watch;
@@ -87,13 +87,13 @@ fn one_call_inputs(shared: &Shared, request: v1::RemeshMeshRequest) -> EngineRes
         changes.push(Change::Chart(from_proto::charts(spec)?));
     }
     if let Some(spec) = &request.mesher {
-        changes.push(Change::Mesher(from_proto::mesher(spec)?));
+        changes.push(meshers::change(engine, spec)?);
     }
     if let Some(spec) = &request.optimize {
         changes.push(Change::Optimize(from_proto::optimize(spec)?));
     }
-    let options = from_proto::import_options(engine, request.import)?;
-    changes.push(Change::Mesh { source: from_proto::one_call_source(engine, request.source)?, options });
+    let options = sources::import_options(engine, request.import)?;
+    changes.push(Change::Mesh { source: sources::one_call_source(engine, request.source)?, options });
     let inputs = Session::new(String::new(), Duration::ZERO, SystemTime::UNIX_EPOCH);
     inputs.apply(None, &changes)?;
     Ok(inputs.snapshot())
