@@ -7,6 +7,7 @@
 pub mod error;
 pub mod fingerprint;
 pub mod parallel;
+pub mod matching;
 pub mod vector;
 pub mod work;
 
