@@ -6,8 +6,8 @@
 
 pub mod error;
 pub mod fingerprint;
-pub mod parallel;
 pub mod matching;
+pub mod parallel;
 pub mod vector;
 pub mod work;
 
@@ -32,6 +32,7 @@ pub mod sizing;
 
 pub mod assemble;
 pub mod optimize;
+pub mod quads;
 pub mod quality;
 
 pub mod engine;

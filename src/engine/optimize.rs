@@ -4,7 +4,7 @@
 mod activity;
 mod capture;
 mod chase;
-mod input;
+pub(crate) mod input;
 mod kernel;
 mod rounds;
 mod sag;
@@ -48,12 +48,14 @@ pub struct Remeshed {
     pub curve_edges: Vec<[u32; 2]>,
     /// Faces that still intersect others after repair; `None` if that was not checked (no rounds).
     pub crossing_faces: Option<u32>,
+    /// Number of quadrangles: for `q` below it faces `2 q` = (a, b, c) and `2 q + 1` = (a, c, d) are the halves of quadrangle (a, b, c, d).
+    pub quads: u32,
 }
 
 impl Contents for Remeshed {
     fn feed(&self, into: &mut Feeder) {
         self.mesh.feed(into);
-        into.u32s(&self.face_patch).tuples(&self.curve_edges);
+        into.u32s(&self.face_patch).tuples(&self.curve_edges).u64(u64::from(self.quads));
     }
 
     fn bytes(&self) -> usize {

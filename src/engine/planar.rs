@@ -117,6 +117,28 @@ pub enum Mesher {
     /// Delaunay with points placed from the front (Rebay 1993), the default.
     #[default]
     Frontal,
+    /// Frontal triangles, of which quadrangles are made on the whole surface (see [`crate::quads`]).
+    Quads(QuadKind),
+}
+
+/// What becomes of triangles that find no partner.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum QuadKind {
+    /// They stay: the result has quadrangles and a few triangles.
+    #[default]
+    Mixed,
+    /// None is left: quadrangles of double size are made first, then all faces are divided.
+    All,
+}
+
+impl Mesher {
+    /// The kind of quadrangles it makes, if it does.
+    pub fn quads(self) -> Option<QuadKind> {
+        match self {
+            Mesher::Quads(kind) => Some(kind),
+            Mesher::Frontal => None,
+        }
+    }
 }
 
 /// Rounds of smoothing in the plane after the front has closed.
@@ -139,7 +161,7 @@ pub fn mesh_chart(
     mesher: Mesher,
     work: &Work<'_>,
 ) -> Result<PlanarMesh> {
-    let Mesher::Frontal = mesher;
+    let (Mesher::Frontal | Mesher::Quads(_)) = mesher;
     work.check()?;
     let topology = Topology::build(&patch.triangles, patch.positions.len())?;
     let mut outline = boundary::Outline::new(patch, &chart.uv, &topology, curves)?;

@@ -43,13 +43,15 @@ pub enum Stage {
     Assembly,
     /// Optimisation on the surface.
     Optimize,
+    /// Quadrangles made of triangles.
+    Quads,
     /// Quality report.
     Quality,
 }
 
 impl Stage {
     /// All stages in pipeline order.
-    pub const ALL: [Stage; 18] = [
+    pub const ALL: [Stage; 19] = [
         Stage::Import,
         Stage::Topology,
         Stage::SearchTree,
@@ -67,6 +69,7 @@ impl Stage {
         Stage::Lift,
         Stage::Assembly,
         Stage::Optimize,
+        Stage::Quads,
         Stage::Quality,
     ];
 
@@ -90,6 +93,7 @@ impl Stage {
             Stage::Lift => "lift",
             Stage::Assembly => "assembly",
             Stage::Optimize => "optimize",
+            Stage::Quads => "quads",
             Stage::Quality => "quality",
         }
     }

@@ -24,6 +24,7 @@ fn share(stage: Stage) -> f64 {
         Stage::Lift => 2.0,
         Stage::Assembly => 2.0,
         Stage::Optimize => 20.0,
+        Stage::Quads => 20.0,
         Stage::Quality => 5.0,
     }
 }

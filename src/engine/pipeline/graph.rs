@@ -8,21 +8,22 @@ use super::patch_set::PatchSet;
 use super::{Charts, Layout, Remesh, Surface};
 use crate::assemble::{Assembled, assemble};
 use crate::bvh::TriangleBvh;
-use crate::curve::{CurveMesh, CurvePolyline, PatchCurve, curve_polyline, mesh_curve, patch_curves, trace_curves};
+use crate::curve::{CurveKind, CurveMesh, CurvePolyline, PatchCurve, curve_polyline, mesh_curve, patch_curves, trace_curves};
 use crate::error::{EngineError, Reason, Result};
 use crate::features::{Features, detect_features};
 use crate::fingerprint::Contents;
 use crate::import::{ImportOptions, Imported, import_arrays, import_mesh};
 use crate::mesh::SurfaceMesh;
-use crate::optimize::optimize_surface;
+use crate::optimize::{Remeshed, optimize_surface};
 use crate::parametrize::{
     BoundaryFactor, ChartFactor, ChartOutcome, ChartSpec, ChartSystem, MapSpec, ProblemSpec, SolvedMap, Weights, candidate_maps, conclude,
     factor_boundary, factor_system, next_map, plan_system, solve_map, unsolved_map,
 };
 use crate::partition::{Partition, partition_surface, split_patches};
 use crate::patch::{PatchMap, extract_patches};
-use crate::planar::{CurveUse, LiftedPatch, PlanarMesh, VertexOrigin, lift, mesh_chart};
-use crate::quality::{QualityReport, QualityScope, TargetSize, measure_quality};
+use crate::planar::{CurveUse, LiftedPatch, Mesher, PlanarMesh, QuadKind, VertexOrigin, lift, mesh_chart};
+use crate::quads::{QuadInput, base_sizes, make_quads};
+use crate::quality::{MeasuredMesh, QualityReport, QualityScope, TargetSize, measure_quality};
 use crate::sample;
 use crate::session::{MeshSource, Snapshot};
 use crate::sizing::{SizeField, evaluate_size};
@@ -354,6 +355,8 @@ fn lift_step(
     let (patch, fingerprint, map) = &charts.patches.patches[p];
     let subject = Subject::Patch(p as u32);
     let chart = charts.chart(p).ok_or_else(|| EngineError::invariant(format!("patch {p} has no chart")))?;
+    // Quadrangles are made of frontal triangles: they share them.
+    let mesher = if snapshot.mesher.quads().is_some() { Mesher::Frontal } else { snapshot.mesher };
     let local_size: Vec<f64> = map.vertices.iter().map(|&v| sizes.vertex_size[v as usize]).collect();
     let uses = &charts.patches.uses[p];
     let mut meshes = Vec::with_capacity(uses.len());
@@ -369,13 +372,13 @@ fn lift_step(
         .map(|(place, (used, mesh))| CurveUse { path: used.path.clone(), mesh: &mesh.value, curve: place as u32 })
         .collect();
     let key = StageKey::new(Stage::Planar, |f| {
-        f.fingerprint(*fingerprint).fingerprint(charts.charts[p].output).f64s(&local_size).text(&format!("{:?}", snapshot.mesher));
+        f.fingerprint(*fingerprint).fingerprint(charts.charts[p].output).f64s(&local_size).text(&format!("{mesher:?}"));
         for (used, mesh) in uses.iter().zip(&meshes) {
             f.u32s(&used.path).fingerprint(mesh.output);
         }
     });
     let planar: Stored<PlanarMesh> =
-        context.stage(key, subject, |work| mesh_chart(patch, chart, &local_uses, &local_size, snapshot.mesher, work))?;
+        context.stage(key, subject, |work| mesh_chart(patch, chart, &local_uses, &local_size, mesher, work))?;
     let key = StageKey::new(Stage::Lift, |f| {
         f.fingerprint(key.input).fingerprint(planar.output);
     });
@@ -383,16 +386,25 @@ fn lift_step(
 }
 
 pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Remesh> {
-    let below_charts = [Stage::Assembly, Stage::Optimize];
-    let charts = charts_step(context, snapshot).map_err(|halt| context.and_below(halt, &below_charts, &[]))?;
+    let quads = snapshot.mesher.quads();
+    let whole = [Stage::Assembly, Stage::Optimize, Stage::Quads];
+    let below_charts = &whole[..if quads.is_some() { 3 } else { 2 }];
+    let charts = charts_step(context, snapshot).map_err(|halt| context.and_below(halt, below_charts, &[]))?;
     // Looked at before anything below it can halt a plan.
     let tree = search_tree_step(context, &charts.surface.imported);
     let patches = (0..charts.charts.len() as u32).map(Subject::Patch);
     let curves = (0..charts.patches.network.curves.len() as u32).map(Subject::Curve);
     let each: Vec<(Stage, Subject)> =
         curves.map(|c| (Stage::Curve, c)).chain(patches.flat_map(|p| [(Stage::Planar, p), (Stage::Lift, p)])).collect();
-    let below = |halt| context.and_below(halt, &below_charts, &each);
-    let sizes = size_step(context, snapshot, &charts).map_err(below)?;
+    let below = |halt| context.and_below(halt, below_charts, &each);
+    let wanted = size_step(context, snapshot, &charts).map_err(below)?;
+    let sizes = match quads {
+        None => wanted.clone(),
+        Some(kind) => {
+            let base = base_sizes(&wanted, kind);
+            Stored { output: base.fingerprint(), bytes: base.bytes(), value: Arc::new(base) }
+        }
+    };
     let all: Vec<u32> = (0..charts.charts.len() as u32).collect();
     let meshes = lifted_step(context, snapshot, &charts, &sizes, &all).map_err(below)?;
     let tree = tree.map_err(below)?;
@@ -403,8 +415,37 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
     });
     let input = &charts.surface.imported.mesh;
     let result =
-        context.stage(key, Subject::Surface, |work| optimize_surface(input, &tree.value.output, &assembled, &sizes, spec, work))?;
-    Ok(Remesh { charts, sizes, result })
+        context.stage(key, Subject::Surface, |work| optimize_surface(input, &tree.value.output, &assembled, &sizes, spec, work));
+    let result = match quads {
+        None => result?,
+        Some(kind) => {
+            let base = result.map_err(|halt| context.and_below(halt, &[Stage::Quads], &[]))?;
+            quads_step(context, &charts, &tree, &base, &wanted, kind)?
+        }
+    };
+    Ok(Remesh { charts, sizes: wanted, result })
+}
+
+fn quads_step(
+    context: &Context<'_>,
+    charts: &Charts,
+    tree: &Stored<Kept<TriangleBvh>>,
+    base: &Stored<Remeshed>,
+    sizes: &Stored<SizeField>,
+    kind: QuadKind,
+) -> Step<Stored<Remeshed>> {
+    let surface = &charts.surface;
+    let key = StageKey::new(Stage::Quads, |f| {
+        f.fingerprint(surface.imported.output).fingerprint(charts.patches.output).fingerprint(base.output);
+        f.fingerprint(sizes.output).text(&format!("{kind:?}"));
+    });
+    context.stage(key, Subject::Surface, |work| {
+        let kept = charts.patches.network.curves.iter().filter(|c| c.kind != CurveKind::Seam);
+        let edge = |&h: &u32| [surface.topology.origin(h), surface.topology.target(h)];
+        let curves: Vec<[u32; 2]> = kept.flat_map(|c| &c.halfedges).map(edge).collect();
+        let input = QuadInput { mesh: &surface.imported.mesh, tree: &tree.value.output, curves: &curves };
+        make_quads(input, base, sizes, kind, work)
+    })
 }
 
 fn assembly_step(context: &Context<'_>, charts: &Charts, meshes: &Lifted) -> Step<Stored<Assembled>> {
@@ -460,7 +501,8 @@ pub(super) fn quality_step(context: &Context<'_>, remesh: &Remesh, scope: Qualit
             Some(size) => TargetSize::Uniform(size),
             None => TargetSize::PerVertex(sizes_on_output(surface, &tree.value.output, &remesh.sizes, output)?),
         };
-        measure_quality(&surface.imported.mesh, &tree.value.output, output, Some(&target), scope, work)
+        let measured = MeasuredMesh { mesh: output, quads: remesh.result.quads };
+        measure_quality(&surface.imported.mesh, &tree.value.output, measured, Some(&target), scope, work)
     })
 }
 
