@@ -49,7 +49,7 @@ pub struct GeometryLocations {
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct StageRecord {
     /// The stage: `import`, `topology`, `search_tree`, `features`, `partition`, `patches`, `factor`, `chart`, `size`, `curve`,
-    /// `planar`, `lift`, `assembly`, `optimize`, `quality`. More may come.
+    /// `planar`, `lift`, `interior`, `assembly`, `optimize`, `quality`. More may come.
     #[prost(string, tag = "1")]
     pub stage: ::prost::alloc::string::String,
     /// What it worked on: empty for the whole surface, else for example `patch 3` or `curve 17`.

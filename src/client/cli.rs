@@ -151,7 +151,7 @@ async fn execute(context: &Context, command: &Command) -> Outcome<u8> {
                 Some(verb) => charts::verb(context, verb).await?,
                 None => charts::all(context, &args.all).await?,
             };
-            let is_answer = !matches!(args.verb, Some(ChartVerb::Set { .. } | ChartVerb::Reset(_)));
+            let is_answer = !matches!(args.verb, Some(ChartVerb::Set(_) | ChartVerb::Reset(_)));
             context.ui.report(&report, is_answer);
             Ok(code)
         }

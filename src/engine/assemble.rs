@@ -39,6 +39,8 @@ pub struct Assembled {
     pub curve_edges: Vec<[u32; 2]>,
     /// Face of the input on which each vertex lies: a starting point for projections.
     pub vertex_face: Vec<u32>,
+    /// The first so many vertices lie on curves: features, the boundary and seams.
+    pub curve_vertices: u32,
 }
 
 impl Contents for Assembled {
@@ -48,7 +50,7 @@ impl Contents for Assembled {
         for class in &self.vertex_class {
             into.u64(*class as u64);
         }
-        into.u32s(&self.vertex_face);
+        into.u32s(&self.vertex_face).u64(u64::from(self.curve_vertices));
     }
 
     fn bytes(&self) -> usize {
@@ -75,6 +77,7 @@ pub fn assemble(
     let joint = CurveVertices::new(mesh, topology, corners, network, curve_meshes)?;
     let mut out = Assembled {
         vertex_face: vec![NONE; joint.positions.len()],
+        curve_vertices: joint.positions.len() as u32,
         positions: joint.positions,
         vertex_class: joint.classes,
         ..Assembled::default()

@@ -8,6 +8,7 @@ pub mod error;
 pub mod fingerprint;
 pub mod matching;
 pub mod parallel;
+mod sparse;
 pub mod vector;
 pub mod work;
 

@@ -77,8 +77,9 @@ pub fn least_cost_matching(vertices: u32, edges: &[MatchingEdge], single: Single
             (high - low + 1) * (i64::from(vertices) / 2 + 1)
         }
     };
-    // Leaving everything single and then matching an edge gains 2 `each` - cost. Twice that keeps all duals whole.
-    let gains: Vec<i64> = edges.iter().map(|e| 2 * (2 * each - e.cost)).collect();
+    // Leaving everything single and then matching an edge gains 2 `each` - cost. Four times that keeps all duals whole: the duals
+    // in the trees are all even or all odd, as the clock is.
+    let gains: Vec<i64> = edges.iter().map(|e| 4 * (2 * each - e.cost)).collect();
     let mate = search::heaviest_matching(vertices as usize, edges, &gains, work)?;
     let mut matching = Matching { mate: vec![None; vertices as usize], cost: 0, single: 0 };
     for (v, partner) in mate.iter().enumerate() {

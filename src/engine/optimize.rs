@@ -5,6 +5,7 @@ mod activity;
 mod capture;
 mod chase;
 pub(crate) mod input;
+mod interior;
 mod kernel;
 mod rounds;
 mod sag;
@@ -16,11 +17,16 @@ use crate::bvh::TriangleBvh;
 use crate::error::{EngineError, Result};
 use crate::fingerprint::{Contents, Feeder};
 use crate::mesh::SurfaceMesh;
+use crate::patch::Patch;
+use crate::planar::LiftedPatch;
 use crate::sizing::SizeField;
 use crate::work::Work;
-use input::Input;
+use activity::{Activity, FIRST_SWEEP};
+use input::{Input, Tree};
+use kernel::Kernel;
 use rounds::FlipGoal;
-use state::State;
+use state::{Curves, State};
+use std::cell::OnceCell;
 
 /// How far to optimise.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,6 +69,15 @@ impl Contents for Remeshed {
     }
 }
 
+/// What was done to the inside of the patches before they were joined.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Interiors {
+    /// They are as the mesher left them.
+    Raw,
+    /// [`optimize_patch`] was at them: only what lies within two rings of a curve is new.
+    Optimized,
+}
+
 /// Optimises. Keeps topology, corners, and curves as curves; never flips a face against the input's normal; deterministic.
 ///
 /// Free vertices end on the input (a few may be lifted off it by up to 0.1 of the local size where two sheets would otherwise
@@ -79,37 +94,86 @@ pub fn optimize_surface(
     input: &SurfaceMesh,
     bvh: &TriangleBvh,
     assembled: &Assembled,
+    interiors: Interiors,
     sizes: &SizeField,
     spec: &OptimizeSpec,
     work: &Work<'_>,
 ) -> Result<Remeshed> {
     check(input, assembled, sizes)?;
-    let mut state = State::new(Input::new(input, bvh, sizes), assembled)?;
-    let stages = 2 * spec.rounds as usize + 4;
-    let (mut splits, mut collapses, mut valences, mut shapes) = (0, 0, 0, 0);
+    let activity = |mesh: &Kernel| match interiors {
+        Interiors::Raw => Activity::new(mesh.vertex_slots() as usize),
+        Interiors::Optimized => Activity::around(mesh, 0..assembled.curve_vertices, SEAM_RINGS),
+    };
+    let mut state = State::new(Input::new(input, Tree::Made(bvh), sizes), assembled, Curves::Flexible, activity)?;
     let mut crossing = None;
-    for round in 0..spec.rounds {
-        splits = rounds::split_long(&mut state, splits, work)?;
-        collapses = rounds::collapse_short(&mut state, collapses, work)?;
-        valences = rounds::flip_pass(&mut state, FlipGoal::Valence, valences, work)?;
-        rounds::smooth(&mut state, 3, work)?;
-        work.step(2 * round as usize, stages)?;
-    }
     if spec.rounds > 0 {
+        size_rounds(&mut state, spec.rounds, work)?;
         capture::capture(&mut state, work)?;
-        for _ in 0..3 {
-            shapes = rounds::flip_pass(&mut state, FlipGoal::Shape, shapes, work)?;
-            rounds::smooth(&mut state, 2, work)?;
-        }
-        rounds::flip_pass(&mut state, FlipGoal::Shape, 0, work)?;
+        shape_rounds(&mut state, work)?;
         chase::chase(&mut state, spec.min_kappa, work)?;
         if capture::capture(&mut state, work)? > 0 {
             chase::chase(&mut state, spec.min_kappa, work)?;
         }
         crossing = Some(untangle::untangle(&mut state, work)? as u32);
     }
-    work.step(stages, stages)?;
     Ok(Remeshed { crossing_faces: crossing, ..finish(input, &state) })
+}
+
+/// Rings of edges around curves that are worked on after the interiors of the patches.
+const SEAM_RINGS: u32 = 2;
+
+/// Edges to their wanted lengths, vertices to their wanted valences.
+fn size_rounds(state: &mut State<'_>, rounds: u32, work: &Work<'_>) -> Result<()> {
+    let (mut splits, mut collapses, mut valences) = (FIRST_SWEEP, FIRST_SWEEP, FIRST_SWEEP);
+    for round in 0..rounds {
+        splits = rounds::split_long(state, splits, work)?;
+        collapses = rounds::collapse_short(state, collapses, work)?;
+        valences = rounds::flip_pass(state, FlipGoal::Valence, valences, work)?;
+        rounds::smooth(state, 3, work)?;
+        work.step(round as usize + 1, rounds as usize + 1)?;
+    }
+    Ok(())
+}
+
+/// Faces to better shapes.
+fn shape_rounds(state: &mut State<'_>, work: &Work<'_>) -> Result<()> {
+    let mut shapes = FIRST_SWEEP;
+    for _ in 0..3 {
+        shapes = rounds::flip_pass(state, FlipGoal::Shape, shapes, work)?;
+        rounds::smooth(state, 2, work)?;
+    }
+    rounds::flip_pass(state, FlipGoal::Shape, FIRST_SWEEP, work)?;
+    Ok(())
+}
+
+/// Optimises the inside of one patch on the patch alone, so that an edit elsewhere leaves it cached and patches can be worked on at the
+/// same time. Vertices and edges on curves stay as they are, bit for bit. `vertex_size` is the wanted length at each vertex of
+/// the patch. Near-linear; deterministic. With no rounds the mesh is returned as it is.
+///
+/// # Errors
+/// Cancellation; [`crate::error::Reason::Invariant`] for arrays that do not fit each other.
+pub fn optimize_patch(
+    patch: &Patch,
+    lifted: &LiftedPatch,
+    vertex_size: &[f64],
+    spec: &OptimizeSpec,
+    work: &Work<'_>,
+) -> Result<LiftedPatch> {
+    if spec.rounds == 0 {
+        return Ok(lifted.clone());
+    }
+    let input = SurfaceMesh::from_parts(patch.positions.clone(), patch.triangles.clone());
+    let first = vertex_size.first().copied();
+    let uniform = first.filter(|f| vertex_size.iter().all(|s| s == f));
+    let sizes = SizeField { vertex_size: vertex_size.to_vec(), uniform };
+    let mesh = interior::as_assembled(lifted);
+    check(&input, &mesh, &sizes)?;
+    let all = |mesh: &Kernel| Activity::new(mesh.vertex_slots() as usize);
+    let mut state = State::new(Input::new(&input, Tree::Lazy(OnceCell::new()), &sizes), &mesh, Curves::Held, all)?;
+    size_rounds(&mut state, spec.rounds, work)?;
+    shape_rounds(&mut state, work)?;
+    chase::chase(&mut state, spec.min_kappa, work)?;
+    Ok(interior::as_lifted(&state, lifted))
 }
 
 fn check(input: &SurfaceMesh, assembled: &Assembled, sizes: &SizeField) -> Result<()> {

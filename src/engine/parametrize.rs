@@ -4,7 +4,6 @@
 //! its interior, [`factor_boundary`] factorizes what is left on the loops for a family of maps, [`solve_map`] solves for one map and
 //! checks it. [`candidate_maps`] says which maps are tried, and [`conclude`] makes a chart or a verdict of them.
 
-mod assembly;
 mod choose;
 mod conformal;
 mod dirichlet;

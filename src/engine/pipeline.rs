@@ -254,7 +254,7 @@ pub fn preview_chart(
 /// # Errors
 /// [`Reason::NoMesh`], a refusal that is already known.
 pub fn plan_charts(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Vec<StageRecord>> {
-    Context::plan(engine, run, |context| graph::charts_step(context, snapshot).map(|_| ()))
+    Context::plan(engine, run, |context| graph::layout_step(context, snapshot).map(|_| ()))
 }
 
 /// What a preview of a chart would find in the cache and what it would run. Computes nothing.

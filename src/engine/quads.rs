@@ -2,7 +2,10 @@
 //! cleaned up and the vertices are smoothed on the input (P1 section 6.2; Remacle et al. 2011, 2012).
 
 mod clean;
+mod cover;
+mod cross;
 mod divide;
+mod front;
 mod mixed;
 mod recombine;
 pub(crate) mod shape;
@@ -12,11 +15,11 @@ use crate::bvh::TriangleBvh;
 use crate::error::{EngineError, Result};
 use crate::mesh::SurfaceMesh;
 use crate::optimize::Remeshed;
-use crate::optimize::input::Input;
+use crate::optimize::input::{Input, Tree};
 use crate::planar::QuadKind;
 use crate::quality::intersect::self_intersections;
 use crate::sizing::SizeField;
-use crate::vector::{area_vector_twice, dot, kappa, unit};
+use crate::vector::{Vec3, area_vector_twice, dot, kappa, unit};
 use crate::work::Work;
 use mixed::{Mixed, NONE, corners_of};
 
@@ -59,14 +62,15 @@ pub fn make_quads(input: QuadInput<'_>, base: &Remeshed, sizes: &SizeField, kind
         return Err(EngineError::invariant("quadrangles are made of triangles, with a size at every vertex of the input"));
     }
     let coarse = base_sizes(sizes, kind);
-    let surface = Input::new(input.mesh, input.tree, &coarse);
+    let surface = Input::new(input.mesh, Tree::Made(input.tree), &coarse);
     let mut mesh = from_triangles(&input, base)?;
+    align(&mut mesh, &surface, work)?;
     recombine::recombine(&mut mesh, work)?;
     work.step(1, 4)?;
     improve(&mut mesh, &surface, work)?;
     work.step(2, 4)?;
     if kind == QuadKind::All {
-        let fine = Input::new(input.mesh, input.tree, sizes);
+        let fine = Input::new(input.mesh, Tree::Made(input.tree), sizes);
         divide::divide(&mut mesh, &input, &fine);
         improve(&mut mesh, &fine, work)?;
     }
@@ -79,6 +83,22 @@ pub fn make_quads(input: QuadInput<'_>, base: &Remeshed, sizes: &SizeField, kind
     crossing.dedup();
     out.crossing_faces = Some(crossing.len() as u32);
     Ok(out)
+}
+
+/// Gives the surface vertices along a field of crosses, so that its triangles are halves of squares.
+fn align(mesh: &mut Mixed, surface: &Input<'_>, work: &Work<'_>) -> Result<()> {
+    let field = cross::CrossField::new(mesh, work)?;
+    let size = |(p, f): (&Vec3, &u32)| surface.size(&surface.walk(*p, *f));
+    let sizes: Vec<f64> = mesh.position.iter().zip(&mesh.below).map(size).collect();
+    let points = front::place_points(mesh, &field, &sizes, work)?;
+    cover::exchange(mesh, &points, work)?;
+    for v in 0..mesh.position.len() {
+        if !mesh.is_fixed[v] && !mesh.around[v].is_empty() {
+            let foot = surface.walk(mesh.position[v], mesh.below[v]);
+            (mesh.position[v], mesh.below[v]) = (foot.position, foot.face);
+        }
+    }
+    Ok(())
 }
 
 fn improve(mesh: &mut Mixed, surface: &Input<'_>, work: &Work<'_>) -> Result<()> {

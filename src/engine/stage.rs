@@ -39,6 +39,8 @@ pub enum Stage {
     Planar,
     /// Planar mesh lifted to space.
     Lift,
+    /// The inside of a patch optimised in space.
+    Interior,
     /// Patches joined.
     Assembly,
     /// Optimisation on the surface.
@@ -51,7 +53,7 @@ pub enum Stage {
 
 impl Stage {
     /// All stages in pipeline order.
-    pub const ALL: [Stage; 19] = [
+    pub const ALL: [Stage; 20] = [
         Stage::Import,
         Stage::Topology,
         Stage::SearchTree,
@@ -67,6 +69,7 @@ impl Stage {
         Stage::Curve,
         Stage::Planar,
         Stage::Lift,
+        Stage::Interior,
         Stage::Assembly,
         Stage::Optimize,
         Stage::Quads,
@@ -91,6 +94,7 @@ impl Stage {
             Stage::Curve => "curve",
             Stage::Planar => "planar",
             Stage::Lift => "lift",
+            Stage::Interior => "interior",
             Stage::Assembly => "assembly",
             Stage::Optimize => "optimize",
             Stage::Quads => "quads",

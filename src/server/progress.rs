@@ -20,10 +20,11 @@ fn share(stage: Stage) -> f64 {
         Stage::Factor => 6.0,
         Stage::Boundary | Stage::Solve => 4.0,
         Stage::Chart => 3.0,
-        Stage::Planar => 30.0,
+        Stage::Planar => 25.0,
+        Stage::Interior => 15.0,
         Stage::Lift => 2.0,
         Stage::Assembly => 2.0,
-        Stage::Optimize => 20.0,
+        Stage::Optimize => 10.0,
         Stage::Quads => 20.0,
         Stage::Quality => 5.0,
     }

@@ -3,13 +3,13 @@
 mod chart;
 mod values;
 
-pub(crate) use chart::{ChartAllArgs, ChartArgs, ChartOutput, ChartSpecArgs, ChartVerb, PatchOf};
+pub(crate) use chart::{ChartAllArgs, ChartArgs, ChartOutput, ChartSpecArgs, ChartVerb, PatchOf, PatchSpecArgs};
 #[cfg(test)]
 pub(crate) use values::PinArg;
 pub(crate) use values::{
     BorderChoice, BoundaryCurve, HoleChoice, OuterLoop, PartitionStrategy, PinChoice, PlaneArg, SpacingChoice, names_session, session_name,
 };
-pub(crate) use values::{ChartMethod, ColourBy, Encoding, FeatureAngle, ObjRegions, ReadFormat, SampleName, Unit, Up};
+pub(crate) use values::{ChartMethod, ColourBy, Encoding, FeatureAngle, MesherChoice, ObjRegions, ReadFormat, SampleName, Unit, Up};
 
 use clap::{ArgAction, Args, Parser, Subcommand};
 use std::path::PathBuf;
@@ -210,6 +210,12 @@ pub(crate) struct InputArgs {
     /// What is done to the borders between patches [default: vote]
     #[arg(long, value_name = "HOW")]
     pub(crate) borders: Option<BorderChoice>,
+    /// What the mesh is made of [default: frontal]
+    #[arg(long, value_name = "MESHER")]
+    pub(crate) mesher: Option<MesherChoice>,
+    /// With the mesher quads: no triangle is left
+    #[arg(long)]
+    pub(crate) all_quads: bool,
     /// Rounds of optimisation across patch borders; 0 leaves the mesh as it was joined [default: 5]
     #[arg(long, value_name = "N")]
     pub(crate) rounds: Option<u32>,

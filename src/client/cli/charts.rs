@@ -1,6 +1,8 @@
 //! `remesh chart`: charts of a session or a file, and the spec of one patch.
 
-use super::args::{ChartAllArgs, ChartOutput, ChartSpecArgs, ChartVerb, ImportArgs, InputArgs, PatchOf, names_session, session_name};
+use super::args::{
+    ChartAllArgs, ChartOutput, ChartSpecArgs, ChartVerb, ImportArgs, InputArgs, PatchOf, PatchSpecArgs, names_session, session_name,
+};
 use super::context::Context;
 use super::failure::{Failure, Outcome, exit};
 use super::files::{self, Target};
@@ -17,7 +19,7 @@ type Told = Outcome<(Report, u8)>;
 pub(crate) async fn verb(context: &Context, verb: &ChartVerb) -> Told {
     match verb {
         ChartVerb::Show { at, output } => show(context, at, output).await,
-        ChartVerb::Set { session, patch, spec } => Ok((set(context, &session.session, *patch, spec).await?, 0)),
+        ChartVerb::Set(PatchSpecArgs { session, patch, spec }) => Ok((set(context, &session.session, *patch, spec).await?, 0)),
         ChartVerb::Reset(at) => {
             let reset = context.client.reset_patch_chart(&at.session.session, at.patch, None).await?;
             Ok((revision_report(at, reset.revision, reset.spec), 0))
@@ -29,7 +31,7 @@ pub(crate) async fn verb(context: &Context, verb: &ChartVerb) -> Told {
             let found = preview(context, &at.session.session, at.patch, edit).await?;
             finish(context, vec![found], places, None)
         }
-        ChartVerb::Plan { session, patch, spec } => {
+        ChartVerb::Plan(PatchSpecArgs { session, patch, spec }) => {
             let edit = specs::chart_edit(spec)?;
             let proposal = match (patch, edit.paths.is_empty()) {
                 (None, false) => return Err(Failure::Usage("which patch? The chart options are for a preview of one".into())),

@@ -98,6 +98,19 @@ pub(crate) fn shape(shape: &v1::ShapeQuality) -> Value {
     })
 }
 
+pub(crate) fn quads(quads: &v1::QuadQuality) -> Value {
+    json!({
+        "quads": quads.quads,
+        "triangles": quads.triangles,
+        "eta_min": quads.eta_min,
+        "eta_mean": quads.eta_mean,
+        "eta_p01": quads.eta_p01,
+        "eta_histogram": quads.eta_histogram,
+        "tau": quads.tau,
+        "edge_ratio_ok": quads.edge_ratio_ok,
+    })
+}
+
 fn fidelity(fidelity: &v1::Fidelity) -> Value {
     json!({
         "diagonal": fidelity.diagonal,
@@ -113,6 +126,7 @@ fn fidelity(fidelity: &v1::Fidelity) -> Value {
 pub(crate) fn quality(report: &v1::QualityReport) -> Value {
     json!({
         "shape": report.shape.as_ref().map(shape),
+        "quads": report.quads.as_ref().map(quads),
         "input_shape": report.input_shape.as_ref().map(shape),
         "fidelity": report.fidelity.as_ref().map(fidelity),
         "topology_input": report.topology_input.as_ref().map(topology),
@@ -253,6 +267,7 @@ fn inputs(inputs: &v1::SessionInputs) -> Value {
     let features = inputs.features.clone().unwrap_or_default();
     let partition = inputs.partition.unwrap_or_default();
     let optimize = inputs.optimize.unwrap_or_default();
+    let mesher = inputs.mesher.unwrap_or_default();
     let size = inputs.size.as_ref().and_then(|size| size.size.as_ref()).map(|size| match size {
         Size::Uniform(length) => json!({ "uniform": length }),
         Size::Triangles(count) => json!({ "triangles": count }),
@@ -279,6 +294,8 @@ fn inputs(inputs: &v1::SessionInputs) -> Value {
         "chart": inputs.charts.as_ref().map(chart_spec),
         "patch_charts": inputs.patch_charts,
         "size": size,
+        "mesher": enum_name(mesher.kind().as_str_name(), "MESHER_KIND_"),
+        "all_quads": mesher.all_quads,
         "rounds": optimize.rounds,
         "min_kappa": optimize.min_kappa,
     })

@@ -5,7 +5,7 @@ mod chart;
 pub(crate) use chart::{chart_edit, merged_chart, names_vertices};
 
 use super::args::{
-    BorderChoice, ChartMethod, ChartSpecArgs, Encoding, FeatureAngle, ImportArgs, InputArgs, ObjRegions, PartitionStrategy, ReadFormat,
+    BorderChoice, ChartMethod, ChartSpecArgs, Encoding, FeatureAngle, ImportArgs, InputArgs, MesherChoice, ObjRegions, PartitionStrategy, ReadFormat,
     SampleName, SampleSpecArgs, SizeArgs, Unit,
 };
 use super::failure::{Failure, Outcome};
@@ -167,6 +167,18 @@ pub(crate) async fn changes(
     if method.is_some() {
         let edit = chart_edit(&ChartSpecArgs { method, ..Default::default() })?;
         changes.push(Change::Charts(merged_chart(current.charts.clone().unwrap_or_default(), edit)));
+    }
+    if args.mesher.is_some() || args.all_quads {
+        let mut mesher = current.mesher.unwrap_or_default();
+        if let Some(choice) = args.mesher {
+            mesher = v1::MesherSpec { all_quads: false, ..mesher };
+            mesher.set_kind(match choice {
+                MesherChoice::Frontal => v1::MesherKind::Frontal,
+                MesherChoice::Quads => v1::MesherKind::Quads,
+            });
+        }
+        mesher.all_quads |= args.all_quads;
+        changes.push(Change::Mesher(mesher));
     }
     let mut optimize = current.optimize.unwrap_or_default();
     if args.rounds.is_some() || args.min_kappa.is_some() {

@@ -22,7 +22,7 @@ fn group_name(stage: &str) -> &str {
         "topology" | "search_tree" | "features" | "partition" | "patches" => "partition",
         "system" | "factor" | "boundary" | "solve" | "chart" => "charts",
         "size" | "curve" | "planar" | "lift" => "meshing",
-        "assembly" | "optimize" => "optimisation",
+        "assembly" | "optimize" | "quads" => "optimisation",
         other => other,
     }
 }

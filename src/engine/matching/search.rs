@@ -1,5 +1,5 @@
-//! The search: an alternating tree grows from one unmatched vertex, its duals moving with a clock, until a path is found that
-//! matches the root or leaves another vertex, worth nothing any more, alone in its place.
+//! The search: alternating trees grow from all unmatched vertices at once, their duals moving with one clock. A tree is taken apart when a
+//! path is found that matches its root or leaves another vertex, worth nothing any more, alone in its place.
 
 use super::MatchingEdge;
 use super::blossom::{Forest, Label, Link, NONE};
@@ -26,8 +26,10 @@ struct Search<'a> {
     incident: Vec<u32>,
     now: i64,
     events: BinaryHeap<Reverse<(i64, Event)>>,
-    /// Nodes that got a label.
-    touched: Vec<u32>,
+    /// Nodes that got a label, by the root of their tree.
+    touched: Vec<Vec<u32>>,
+    /// Root of the tree of each labelled node.
+    tree: Vec<u32>,
     leaves: Vec<u32>,
     mark: Vec<u32>,
     marks: u32,
@@ -46,16 +48,10 @@ pub(super) fn heaviest_matching(
 
 /// The matching with its duals.
 pub(super) fn solve<'a>(count: usize, edges: &'a [MatchingEdge], gains: &'a [i64], work: &Work<'_>) -> Result<Forest<'a>> {
+    work.check()?;
     let mut search = Search::new(count, edges, gains);
     search.start_greedily();
-    for v in 0..count as u32 {
-        if v.is_multiple_of(64) {
-            work.check()?;
-        }
-        if search.forest.mate[v as usize].edge == NONE && search.forest.dual[v as usize] > 0 {
-            search.run(v, work)?;
-        }
-    }
+    search.run(work)?;
     Ok(search.forest)
 }
 
@@ -83,7 +79,8 @@ impl<'a> Search<'a> {
             incident,
             now: 0,
             events: BinaryHeap::new(),
-            touched: Vec::new(),
+            touched: vec![Vec::new(); count],
+            tree: vec![NONE; count],
             leaves: Vec::new(),
             mark: Vec::new(),
             marks: 0,
@@ -187,11 +184,12 @@ impl<'a> Search<'a> {
         }
     }
 
-    fn set_label(&mut self, node: u32, label: Label, entry: Link) {
+    fn set_label(&mut self, node: u32, label: Label, entry: Link, tree: u32) {
         self.settle(node, Label::Free);
         self.forest.label[node as usize] = label;
         self.forest.entry[node as usize] = entry;
-        self.touched.push(node);
+        self.tree[node as usize] = tree;
+        self.touched[tree as usize].push(node);
         if label == Label::Odd && self.forest.is_blossom(node) {
             let time = self.now + self.forest.blossom(node).dual / 2;
             self.events.push(Reverse((time, Event::Open(node))));
@@ -209,52 +207,51 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Grows the tree of an unmatched vertex until it is done.
-    fn run(&mut self, root: u32, work: &Work<'_>) -> Result<()> {
-        let node = self.forest.top(root);
-        self.set_label(node, Label::Even, Link::NO);
-        self.scan(node);
+    /// Grows trees from all unmatched vertices that are worth something until none is left.
+    fn run(&mut self, work: &Work<'_>) -> Result<()> {
+        for v in 0..self.forest.count {
+            if self.forest.mate[v as usize].edge == NONE && self.forest.dual[v as usize] > 0 {
+                self.set_label(v, Label::Even, Link::NO, v);
+            }
+        }
+        for v in 0..self.forest.count {
+            if self.forest.label[v as usize] == Label::Even {
+                self.scan(v);
+            }
+        }
         let mut rounds = 0u32;
         while let Some(Reverse((time, event))) = self.events.pop() {
-            rounds += 1;
+            rounds = rounds.wrapping_add(1);
             if rounds.is_multiple_of(4096) {
                 work.check()?;
             }
-            let is_done = match event {
+            match event {
                 Event::Tight(edge) => match self.tight_at(edge) {
-                    Some(at) if at > time => {
-                        self.events.push(Reverse((at, event)));
-                        false
-                    }
+                    Some(at) if at > time => self.events.push(Reverse((at, event))),
                     Some(_) => {
                         self.now = time;
-                        self.on_tight(edge)
+                        self.on_tight(edge);
                     }
-                    None => false,
+                    None => {}
                 },
                 Event::Open(blossom) => {
                     if self.opens(blossom, time) {
                         self.now = time;
                         self.open(blossom);
                     }
-                    false
                 }
                 Event::Worthless(v) => {
                     let top = self.forest.top(v);
-                    self.forest.label[top as usize] == Label::Even && {
+                    if self.forest.label[top as usize] == Label::Even && self.forest.dual[v as usize] == time - self.forest.since[v as usize] {
                         self.now = time;
                         self.forest.rebase(top, v);
                         self.forest.mate[v as usize] = Link::NO;
                         self.flip_to_root(top);
-                        true
+                        self.take_apart(self.tree[top as usize]);
                     }
                 }
-            };
-            if is_done {
-                break;
             }
         }
-        self.finish();
         Ok(())
     }
 
@@ -264,36 +261,46 @@ impl<'a> Search<'a> {
         is_top && self.forest.blossom(blossom).dual == 2 * (time - self.forest.since[b])
     }
 
-    /// An edge of the tree's even nodes is tight; whether the search has found its path.
-    fn on_tight(&mut self, edge: u32) -> bool {
+    /// An edge of an even node is tight.
+    fn on_tight(&mut self, edge: u32) {
         let [a, b] = self.forest.edges[edge as usize].ends;
         let (x, y) = (self.forest.top(a), self.forest.top(b));
         match (self.forest.label[x as usize], self.forest.label[y as usize]) {
-            (Label::Even, Label::Even) => {
-                self.shrink(self.link(edge, a));
-                false
-            }
+            (Label::Even, Label::Even) if self.tree[x as usize] == self.tree[y as usize] => self.shrink(self.link(edge, a)),
+            (Label::Even, Label::Even) => self.join(x, y, self.link(edge, a)),
             (Label::Even, _) => self.grow(x, y, self.link(edge, a)),
             _ => self.grow(y, x, self.link(edge, b)),
         }
     }
 
-    /// Takes the free node `to` into the tree, or finds the path if it is not matched.
-    fn grow(&mut self, from: u32, to: u32, link: Link) -> bool {
+    /// Matches the roots of two trees along the path through a tight edge.
+    fn join(&mut self, x: u32, y: u32, link: Link) {
+        let trees = [self.tree[x as usize], self.tree[y as usize]];
+        self.forest.rebase(x, link.from);
+        self.forest.rebase(y, link.to);
+        self.forest.set_mate(link);
+        self.flip_to_root(x);
+        self.flip_to_root(y);
+        trees.into_iter().for_each(|tree| self.take_apart(tree));
+    }
+
+    /// Takes the free node `to` into the tree of `from`, or finds the path if it is not matched (a vertex left alone before).
+    fn grow(&mut self, from: u32, to: u32, link: Link) {
         let base = self.forest.base[to as usize];
         let out = self.forest.mate[base as usize];
+        let tree = self.tree[from as usize];
         if out.edge == NONE {
             self.forest.rebase(to, link.to);
             self.forest.rebase(from, link.from);
             self.forest.set_mate(link);
             self.flip_to_root(from);
-            return true;
+            self.take_apart(tree);
+            return;
         }
-        self.set_label(to, Label::Odd, link);
+        self.set_label(to, Label::Odd, link, tree);
         let partner = self.forest.top(out.to);
-        self.set_label(partner, Label::Even, out);
+        self.set_label(partner, Label::Even, out, tree);
         self.scan(partner);
-        false
     }
 
     /// Exchanges matched and unmatched edges from an even node, whose inside is done, up to the root.
@@ -367,7 +374,10 @@ impl<'a> Search<'a> {
         self.forest.entry[b] = self.forest.entry[peak as usize];
         (self.forest.parent[b], self.forest.up[b], self.forest.since[b]) = (NONE, NONE, self.now);
         self.forest.label[b] = Label::Even;
-        self.touched.push(node);
+        let tree = self.tree[peak as usize];
+        self.tree.resize(self.forest.base.len(), NONE);
+        self.tree[b] = tree;
+        self.touched[tree as usize].push(node);
         let mut were_odd = Vec::new();
         for &child in &children {
             if self.forest.label[child as usize] == Label::Odd {
@@ -390,7 +400,7 @@ impl<'a> Search<'a> {
     /// Opens an odd blossom: the way from where the tree enters it to its base stays in the tree, the rest becomes free.
     fn open(&mut self, node: u32) {
         self.settle(node, Label::Odd);
-        let entry = self.forest.entry[node as usize];
+        let (entry, tree) = (self.forest.entry[node as usize], self.tree[node as usize]);
         self.forest.label[node as usize] = Label::Free;
         let blossom = std::mem::take(self.forest.blossom(node));
         let mut leaves = Vec::new();
@@ -417,7 +427,7 @@ impl<'a> Search<'a> {
         let mut label = Label::Odd;
         loop {
             is_free[at] = false;
-            self.set_label(blossom.children[at], label, link);
+            self.set_label(blossom.children[at], label, link, tree);
             if label == Label::Even {
                 evens.push(blossom.children[at]);
             }
@@ -447,24 +457,23 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Writes all duals down and takes the tree apart; blossoms stay.
-    fn finish(&mut self) {
-        let touched = std::mem::take(&mut self.touched);
+    /// Writes the duals of a tree down and sets its nodes free; blossoms stay.
+    fn take_apart(&mut self, tree: u32) {
+        let touched = std::mem::take(&mut self.touched[tree as usize]);
         let mut leaves = Vec::new();
         for &node in &touched {
             let label = self.forest.label[node as usize];
-            if label == Label::Free || self.forest.parent[node as usize] != NONE {
+            if label == Label::Free || self.forest.parent[node as usize] != NONE || self.tree[node as usize] != tree {
                 continue;
             }
+            let before = leaves.len();
             self.settle(node, label);
             self.forest.label[node as usize] = Label::Free;
             self.forest.entry[node as usize] = Link::NO;
-            leaves.clear();
             self.forest.leaves(node, &mut leaves);
-            leaves.iter().for_each(|&v| self.forest.home[v as usize] = node);
+            leaves[before..].iter().for_each(|&v| self.forest.home[v as usize] = node);
         }
-        self.touched = touched;
-        self.touched.clear();
-        self.events.clear();
+        // Other trees may now reach what this one held.
+        leaves.into_iter().for_each(|v| self.announce(v));
     }
 }

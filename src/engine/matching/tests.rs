@@ -129,7 +129,7 @@ fn duals_prove_larger_matchings() {
         let density = 1 + case % 4;
         let edges = random_graph(&mut dice, vertices, vertices as usize * density, [5, 40, 5000][case % 3]);
         let each = [2, 30, 100_000][case % 3];
-        let gains: Vec<i64> = edges.iter().map(|e| 2 * (2 * each - e.cost)).collect();
+        let gains: Vec<i64> = edges.iter().map(|e| 4 * (2 * each - e.cost)).collect();
         let forest = search::solve(vertices as usize, &edges, &gains, &work).unwrap();
         check_duals(&edges, &gains, &forest);
     }
@@ -163,7 +163,7 @@ fn closed_cubic_dual_graphs_have_perfect_matchings() {
         let matching = least_cost_matching(faces, &edges, SingleCost::Forbidden, &work).unwrap();
         check_consistent(&edges, &matching);
         assert_eq!(matching.single, 0);
-        let gains: Vec<i64> = edges.iter().map(|e| 2 * (2 * 2000 - e.cost)).collect();
+        let gains: Vec<i64> = edges.iter().map(|e| 4 * (2 * 2000 - e.cost)).collect();
         check_duals(&edges, &gains, &search::solve(faces as usize, &edges, &gains, &work).unwrap());
     }
 }

@@ -1,11 +1,15 @@
 //! What is new where: the passes skip what has not changed since they last looked.
 
+use super::kernel::Kernel;
 use super::state::State;
+
+/// The number of the sweep before all others: a pass that looks at what is new since then looks at all that is new at the start.
+pub(super) const FIRST_SWEEP: u32 = 1;
 
 /// Marks of the vertices.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Activity {
-    /// Counts the sweeps of all passes.
+    /// Counts the sweeps of all passes, from [`FIRST_SWEEP`].
     clock: u32,
     /// The sweep in which a vertex last moved or got or lost an edge.
     changed: Vec<u32>,
@@ -16,7 +20,20 @@ pub(super) struct Activity {
 impl Activity {
     /// Everything is new.
     pub(super) fn new(vertices: usize) -> Self {
-        Activity { clock: 0, changed: vec![0; vertices], awake: vec![true; vertices] }
+        Activity { clock: FIRST_SWEEP, changed: vec![FIRST_SWEEP; vertices], awake: vec![true; vertices] }
+    }
+
+    /// Only the vertices within `rings` edges of `seeds` are new.
+    pub(super) fn around(mesh: &Kernel, seeds: impl Iterator<Item = u32>, rings: u32) -> Self {
+        let count = mesh.vertex_slots() as usize;
+        let mut activity = Activity { clock: FIRST_SWEEP, changed: vec![0; count], awake: vec![false; count] };
+        let mut front: Vec<u32> = seeds.collect();
+        for _ in 0..=rings {
+            front.retain(|&v| !std::mem::replace(&mut activity.awake[v as usize], true));
+            front.iter().for_each(|&v| activity.changed[v as usize] = FIRST_SWEEP);
+            front = front.iter().flat_map(|&v| mesh.neighbours(v)).collect();
+        }
+        activity
     }
 
     /// Makes room for one more vertex.

@@ -4,6 +4,7 @@ use crate::bvh::{TriangleBvh, closest_on_triangle};
 use crate::mesh::SurfaceMesh;
 use crate::sizing::SizeField;
 use crate::vector::{Vec3, add, add_scaled, area_vector_twice, dot, norm, scale, sub, unit};
+use std::cell::OnceCell;
 
 /// A point of the input.
 #[derive(Debug, Clone, Copy)]
@@ -14,10 +15,18 @@ pub(crate) struct Foot {
     pub(crate) distance_squared: f64,
 }
 
+/// A search tree over the faces of the input.
+pub(crate) enum Tree<'a> {
+    /// Made before.
+    Made(&'a TriangleBvh),
+    /// Made when it is first asked for, which seldom happens.
+    Lazy(OnceCell<TriangleBvh>),
+}
+
 /// The input with its faces by vertex.
 pub(crate) struct Input<'a> {
     mesh: &'a SurfaceMesh,
-    bvh: &'a TriangleBvh,
+    tree: Tree<'a>,
     sizes: &'a SizeField,
     first: Vec<u32>,
     faces: Vec<u32>,
@@ -32,7 +41,7 @@ const MOST_STEPS: usize = 200;
 const NOTHING: f64 = 1e-60;
 
 impl<'a> Input<'a> {
-    pub(crate) fn new(mesh: &'a SurfaceMesh, bvh: &'a TriangleBvh, sizes: &'a SizeField) -> Self {
+    pub(crate) fn new(mesh: &'a SurfaceMesh, tree: Tree<'a>, sizes: &'a SizeField) -> Self {
         let mut first = vec![0u32; mesh.positions.len() + 1];
         for &v in mesh.triangles.as_flattened() {
             first[v as usize + 1] += 1;
@@ -55,12 +64,16 @@ impl<'a> Input<'a> {
             }
         }
         vertex_normal.iter_mut().for_each(|n| *n = unit(*n));
-        Input { mesh, bvh, sizes, first, faces, face_normal, vertex_normal }
+        Input { mesh, tree, sizes, first, faces, face_normal, vertex_normal }
     }
 
     #[inline]
     fn on_face(&self, p: Vec3, face: u32) -> Foot {
-        let (position, barycentric) = closest_on_triangle(p, self.bvh.corners_of(face));
+        let (position, barycentric) = match &self.tree {
+            // The tree has neighbours next to each other in memory.
+            Tree::Made(tree) => closest_on_triangle(p, tree.corners_of(face)),
+            Tree::Lazy(_) => closest_on_triangle(p, &self.mesh.corners(face as usize)),
+        };
         // Traces of rounding near 0 would underflow in products later.
         let position = position.map(|x| if x.abs() < NOTHING { 0.0 } else { x });
         let offset = sub(p, position);
@@ -100,6 +113,13 @@ impl<'a> Input<'a> {
         best
     }
 
+    fn tree(&self) -> &TriangleBvh {
+        match &self.tree {
+            Tree::Made(tree) => tree,
+            Tree::Lazy(cell) => cell.get_or_init(|| TriangleBvh::build(&self.mesh.positions, &self.mesh.triangles)),
+        }
+    }
+
     fn best_around(&self, p: Vec3, at: Foot, pivot: u32, other: Option<u32>) -> Option<Foot> {
         let mut best: Option<Foot> = None;
         let mut bound = at.distance_squared * (1.0 - 1e-12);
@@ -123,7 +143,7 @@ impl<'a> Input<'a> {
         if foot.distance_squared <= far * far {
             return foot;
         }
-        match self.bvh.closest_below(p, 0.25 * foot.distance_squared, 0.0) {
+        match self.tree().closest_below(p, 0.25 * foot.distance_squared, 0.0) {
             Some(hit) if dot(self.face_normal[hit.face as usize], self.normal(&foot)) > 0.3 => self.on_face(p, hit.face),
             _ => foot,
         }
@@ -135,7 +155,7 @@ impl<'a> Input<'a> {
         if foot.distance_squared <= small * small {
             return foot.distance_squared;
         }
-        self.bvh.closest_below(p, foot.distance_squared, 0.0).map_or(foot.distance_squared, |hit| hit.distance_squared)
+        self.tree().closest_below(p, foot.distance_squared, 0.0).map_or(foot.distance_squared, |hit| hit.distance_squared)
     }
 
     /// Vertices with a face whose normal has a lower cosine with that of the vertex, in order.

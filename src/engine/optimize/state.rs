@@ -30,10 +30,20 @@ const NEEDLE: f64 = 0.3;
 /// A vertex that moves by less than this, in local sizes, has come to rest.
 const REST: f64 = 0.005;
 
+/// What may be done to the vertices and edges of curves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Curves {
+    /// Vertices may slide, go and come within bounds.
+    Flexible,
+    /// Nothing: others share them.
+    Held,
+}
+
 /// What is being optimised.
 pub(super) struct State<'a> {
     pub(super) input: Input<'a>,
     pub(super) mesh: Kernel,
+    pub(super) curves: Curves,
     /// Face of the input under each vertex.
     pub(super) foot: Vec<u32>,
     /// Wanted edge length at each vertex.
@@ -42,16 +52,19 @@ pub(super) struct State<'a> {
 }
 
 impl<'a> State<'a> {
-    pub(super) fn new(input: Input<'a>, assembled: &Assembled) -> Result<Self> {
+    /// `curves` says what may be done to curves, `activity` where there is something to do.
+    pub(super) fn new(input: Input<'a>, assembled: &Assembled, curves: Curves, activity: impl FnOnce(&Kernel) -> Activity) -> Result<Self> {
         let mesh = Kernel::new(assembled)?;
-        let activity = Activity::new(mesh.vertex_slots() as usize);
-        let mut state = State { input, mesh, foot: assembled.vertex_face.clone(), size: Vec::new(), activity };
+        let activity = activity(&mesh);
+        let mut state = State { input, mesh, curves, foot: assembled.vertex_face.clone(), size: Vec::new(), activity };
         for v in 0..state.mesh.vertex_slots() {
             let foot = state.input.walk(state.mesh.at(v), state.foot[v as usize]);
             state.foot[v as usize] = foot.face;
             state.size.push(state.input.size(&foot));
         }
-        state.release_faint_corners();
+        if curves == Curves::Flexible {
+            state.release_faint_corners();
+        }
         Ok(state)
     }
 
@@ -192,6 +205,9 @@ impl<'a> State<'a> {
 
     /// Splits an edge at its middle (projected, off curves), unless the surface would fold.
     pub(super) fn try_split(&mut self, h: u32) -> Option<u32> {
+        if self.curves == Curves::Held && self.mesh.is_on_curve(h) {
+            return None;
+        }
         let (a, b) = (self.mesh.from(h), self.mesh.to(h));
         let (pa, pb) = (self.mesh.at(a), self.mesh.at(b));
         let at = lerp(pa, pb, 0.5);

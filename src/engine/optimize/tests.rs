@@ -112,6 +112,7 @@ fn as_assembled(mesh: &SurfaceMesh) -> Assembled {
         vertex_class: ends.iter().map(class).collect(),
         curve_edges,
         vertex_face,
+        curve_vertices: 0,
     }
 }
 
@@ -121,7 +122,7 @@ fn run(mesh: &SurfaceMesh, size: f64, spec: &OptimizeSpec) -> (Assembled, Remesh
     let bvh = TriangleBvh::build(&mesh.positions, &mesh.triangles);
     let start = as_assembled(mesh);
     let sizes = SizeField { vertex_size: vec![size; mesh.positions.len()], uniform: Some(size) };
-    let done = optimize_surface(mesh, &bvh, &start, &sizes, spec, &work).unwrap();
+    let done = optimize_surface(mesh, &bvh, &start, Interiors::Raw, &sizes, spec, &work).unwrap();
     let target = TargetSize::Uniform(size);
     let report = measure_quality(mesh, &bvh, &done.mesh, Some(&target), QualityScope::Full, &work).unwrap();
     (start, done, report)
@@ -188,7 +189,7 @@ fn boundary_stays_and_sizes_grade() {
     let work = Work::silent(&token);
     let bvh = TriangleBvh::build(&mesh.positions, &mesh.triangles);
     let sizes = SizeField { vertex_size: mesh.positions.iter().map(|p| 0.5 + 0.1 * p[0]).collect(), uniform: None };
-    let done = optimize_surface(&mesh, &bvh, &as_assembled(&mesh), &sizes, &OptimizeSpec::default(), &work).unwrap();
+    let done = optimize_surface(&mesh, &bvh, &as_assembled(&mesh), Interiors::Raw, &sizes, &OptimizeSpec::default(), &work).unwrap();
     assert!((done.mesh.area() - f64::from(n * n)).abs() < 1e-6);
     assert!(done.mesh.positions.iter().all(|p| p[2] == 0.0));
     let mean = |low: f64, high: f64| {
@@ -220,11 +221,11 @@ fn no_rounds_change_nothing_and_cancelling_works() {
     let bvh = TriangleBvh::build(&mesh.positions, &mesh.triangles);
     let sizes = SizeField { vertex_size: vec![0.4; mesh.positions.len()], uniform: Some(0.4) };
     let mut start = as_assembled(&mesh);
-    let stopped = optimize_surface(&mesh, &bvh, &start, &sizes, &OptimizeSpec::default(), &Work::silent(&token));
+    let stopped = optimize_surface(&mesh, &bvh, &start, Interiors::Raw, &sizes, &OptimizeSpec::default(), &Work::silent(&token));
     assert_eq!(stopped.unwrap_err().reason(), Reason::Cancelled);
     start.vertex_face.pop();
     let token = CancelToken::new();
-    let broken = optimize_surface(&mesh, &bvh, &start, &sizes, &OptimizeSpec::default(), &Work::silent(&token));
+    let broken = optimize_surface(&mesh, &bvh, &start, Interiors::Raw, &sizes, &OptimizeSpec::default(), &Work::silent(&token));
     assert_eq!(broken.unwrap_err().reason(), Reason::Invariant);
 }
 
@@ -255,7 +256,7 @@ fn largest_miss(mesh: &SurfaceMesh, start: &Assembled, size: f64) -> (f64, Quali
     let work = Work::silent(&token);
     let bvh = TriangleBvh::build(&mesh.positions, &mesh.triangles);
     let sizes = SizeField { vertex_size: vec![size; mesh.positions.len()], uniform: Some(size) };
-    let done = optimize_surface(mesh, &bvh, start, &sizes, &OptimizeSpec::default(), &work).unwrap();
+    let done = optimize_surface(mesh, &bvh, start, Interiors::Raw, &sizes, &OptimizeSpec::default(), &work).unwrap();
     let target = TargetSize::Uniform(size);
     let report = measure_quality(mesh, &bvh, &done.mesh, Some(&target), QualityScope::Full, &work).unwrap();
     let result = TriangleBvh::build(&done.mesh.positions, &done.mesh.triangles);

@@ -11,7 +11,8 @@ use crate::vector::{Vec2, add, scale};
 /// The maps to try for a patch, in order. `spec` has local vertices.
 ///
 /// # Errors
-/// [`Reason::PatchTopology`] for a closed patch; [`Reason::BadParameter`] if the spec does not fit the patch: a vertex that is not in it, an outer vertex on no loop.
+/// [`Reason::PatchTopology`] for a closed patch; [`Reason::BadParameter`] if the spec does not fit the patch: a vertex that is not in
+/// it, an outer vertex on no loop.
 pub fn candidate_maps(patch: &Patch, spec: &ChartSpec) -> Result<Vec<MapSpec>> {
     spec.validate()?;
     if patch.loops.is_empty() || patch.triangles.is_empty() {
@@ -19,14 +20,13 @@ pub fn candidate_maps(patch: &Patch, spec: &ChartSpec) -> Result<Vec<MapSpec>> {
             .with_hint("partition the surface into patches of genus 0 with a boundary"));
     }
     let outer = outer_loop(patch, spec.outer)?;
-    let several = patch.loops.len() > 1;
     let methods: Vec<ChartMethod> = match spec.method {
         Some(method) => vec![method],
         None => vec![ChartMethod::SpectralConformal, ChartMethod::LeastSquaresConformal, ChartMethod::MeanValue],
     };
     let mut maps = Vec::new();
     for method in methods {
-        let fillings = fillings(method, spec.holes, several, outer);
+        let fillings = fillings(method, spec.holes, patch.loops.len(), outer);
         let base =
             MapSpec { method, outer, filling: Filling::default(), pins: Vec::new(), targets: Vec::new(), boundary: spec.boundary.clone() };
         if method == ChartMethod::LeastSquaresConformal {
@@ -58,8 +58,8 @@ fn outer_loop(patch: &Patch, outer: OuterLoop) -> Result<usize> {
     }
 }
 
-/// Virtual triangles to try. Held loops need filled holes to be one-to-one; free ones are tried bare first.
-fn fillings(method: ChartMethod, holes: Holes, several: bool, outer: usize) -> Vec<Filling> {
+/// Virtual triangles to try for a patch of `loops` loops. Held loops need filled holes to be one-to-one; free ones are tried bare first.
+fn fillings(method: ChartMethod, holes: Holes, loops: usize, outer: usize) -> Vec<Filling> {
     let filling = |holes, ears| Filling { holes, ears };
     let (open, centre, plane) = (HoleFilling::Open, HoleFilling::CentreVertex, HoleFilling::MeanPlane);
     let chosen = match holes {
@@ -68,13 +68,13 @@ fn fillings(method: ChartMethod, holes: Holes, several: bool, outer: usize) -> V
         Holes::CentreVertex => Some(centre),
         Holes::MeanPlane => Some(plane),
     };
-    match (chosen, method.has_fixed_boundary(), several) {
-        (Some(holes), ..) if several => vec![filling(holes, false)],
-        (_, true, true) => vec![filling(centre, false), filling(plane, false), filling(open, false)],
+    match (chosen, method.has_fixed_boundary(), loops > 1) {
+        (Some(holes), _, true) => vec![filling(holes, false)],
+        (None, true, true) => vec![filling(centre, false), filling(plane, false), filling(open, false)],
         (_, true, false) => vec![filling(open, false)],
         (_, false, false) => vec![filling(open, false), filling(open, true)],
-        (_, false, true) if outer != 0 => vec![filling(centre, false), filling(plane, false), filling(centre, true)],
-        (_, false, true) => {
+        (None, false, true) if outer != 0 => vec![filling(centre, false), filling(plane, false), filling(centre, true)],
+        (None, false, true) => {
             vec![filling(open, false), filling(centre, false), filling(plane, false), filling(open, true), filling(centre, true)]
         }
     }
@@ -116,7 +116,7 @@ pub fn next_map<'a>(maps: &'a [MapSpec], tried: &[impl std::ops::Deref<Target = 
         return None;
     }
     // No map of a tube is even: once one is one-to-one and merely crowded, only filled holes can better it.
-    let crowded = tried.iter().any(|map| matches!(map.verdict, MapVerdict::Crowded(_)));
+    let crowded = tried.iter().any(|map| matches!(map.verdict, MapVerdict::Crowded));
     let begun = tried.last().map_or(0, |last| {
         let same =
             |map: &MapSpec| map.method == last.attempt.method && map.filling == last.attempt.filling && map.pins == last.attempt.pins;
@@ -149,7 +149,7 @@ pub fn conclude(patch: &Patch, spec: &ChartSpec, tried: &[impl std::ops::Deref<T
         let uv = uv.unwrap_or_else(|| last.uv.clone());
         return ChartOutcome::Mapped(Chart { uv, method: last.attempt.method, attempts, distortion: last.distortion });
     }
-    let crowded = tried.iter().find(|map| matches!(map.verdict, MapVerdict::Crowded(_)));
+    let crowded = tried.iter().find(|map| matches!(map.verdict, MapVerdict::Crowded));
     if let Some(crowded) = crowded {
         return ChartOutcome::MustSplit { attempts, reason: crowded.attempt.rejected.clone() };
     }

@@ -12,8 +12,9 @@
 
 use super::domain::Domain;
 use super::operator::{Weights, area_entries, stiffness};
-use super::system::{ChartFactor, Reduction, condense_virtual, solver_error};
+use super::system::{ChartFactor, Reduction, condensed_operator};
 use crate::error::{EngineError, Reason, Result};
+use crate::sparse::solver_error;
 use crate::vector::Vec2;
 use crate::work::Work;
 use remesh_linalg::{CholeskyPlan, Complex, ComplexMatrix, Condensation, DenseHermitian, HermitianCholesky, Load, SolveError};
@@ -48,6 +49,14 @@ enum Factor {
     Sparse(HermitianCholesky),
 }
 
+/// What the shift is added to.
+enum Base<'a> {
+    /// H on the kept vertices of a condensed patch.
+    Dense { kept: &'a [u32], matrix: Vec<Complex> },
+    /// All vertices; the matrix is assembled with the shift.
+    Sparse(&'a Arc<CholeskyPlan>),
+}
+
 /// Half the edges beside each vertex of the outer loop, over the whole length.
 pub(super) fn boundary_mass(domain: &Domain<'_>) -> Vec<f64> {
     let lengths = domain.outer_lengths();
@@ -66,17 +75,9 @@ fn area_halfedges<'a>(domain: &'a Domain<'_>) -> impl Iterator<Item = (u32, u32)
 fn dense_operator(domain: &Domain<'_>, condensation: &Condensation) -> Result<Vec<Complex>> {
     let kept = condensation.plan().kept();
     let size = kept.len();
-    let mut matrix: Vec<Complex> = condensation.schur().iter().map(|&s| Complex::new(s, 0.0)).collect();
+    let real = condensed_operator(domain, condensation, Weights::Cotangent)?;
+    let mut matrix: Vec<Complex> = real.into_iter().map(|s| Complex::new(s, 0.0)).collect();
     let slot = |v: u32| kept.partition_point(|&w| w < v);
-    if !domain.virtual_triangles.is_empty() {
-        let (vertices, schur) = condense_virtual(domain, Weights::Cotangent)?;
-        let slots: Vec<usize> = vertices.iter().map(|&v| slot(v)).collect();
-        for (j, &column) in slots.iter().enumerate() {
-            for (i, &row) in slots.iter().enumerate() {
-                matrix[column * size + row] += schur[j * slots.len() + i];
-            }
-        }
-    }
     for (i, j, c) in area_entries(area_halfedges(domain)) {
         // Entries at virtual vertices cancel; above the diagonal the sign is +, and this is the entry below it.
         matrix[slot(i) * size + slot(j)] += Complex::new(0.0, -c);
@@ -145,15 +146,16 @@ impl ConformalProblem {
         let mass = boundary_mass(domain);
         let mut failure = None;
         let base = match &factor.reduction {
-            Reduction::Condensed(condensation) => Some((condensation, dense_operator(domain, condensation)?)),
-            Reduction::Whole(_) => None,
+            Reduction::Condensed(condensation) => {
+                Base::Dense { kept: condensation.plan().kept(), matrix: dense_operator(domain, condensation)? }
+            }
+            Reduction::Whole(plan) => Base::Sparse(plan),
         };
         for shift in SHIFTS {
             work.check()?;
-            let made = match (&base, &factor.reduction) {
-                (Some((condensation, matrix)), _) => dense_factor(domain, condensation, matrix.clone(), &mass, shift),
-                (None, Reduction::Whole(plan)) => sparse_factor(domain, plan, &mass, shift)?,
-                (None, Reduction::Condensed(_)) => return Err(EngineError::invariant("a condensed patch without its matrix")),
+            let made = match &base {
+                Base::Dense { kept, matrix } => dense_factor(domain, kept, matrix.clone(), &mass, shift),
+                Base::Sparse(plan) => sparse_factor(domain, plan, &mass, shift)?,
             };
             let factor = match made {
                 Ok(factor) => factor,
@@ -163,7 +165,10 @@ impl ConformalProblem {
                 }
                 Err(e) => return Err(solver_error(&e)),
             };
-            let kept = base.as_ref().map(|(condensation, _)| condensation.plan().kept().to_vec());
+            let kept = match base {
+                Base::Dense { kept, .. } => Some(kept.to_vec()),
+                Base::Sparse(_) => None,
+            };
             let size = kept.as_ref().map_or(domain.size(), Vec::len);
             let slot = |v: &u32| kept.as_ref().map_or(*v, |kept| kept.partition_point(|w| w < v) as u32);
             let outer = domain.outer.iter().map(slot).collect();
@@ -355,12 +360,11 @@ impl Solution {
 
 fn dense_factor(
     domain: &Domain<'_>,
-    condensation: &Condensation,
+    kept: &[u32],
     mut matrix: Vec<Complex>,
     mass: &[f64],
     shift: f64,
 ) -> std::result::Result<Factor, SolveError> {
-    let kept = condensation.plan().kept();
     for (&v, &m) in domain.outer.iter().zip(mass) {
         matrix[kept.partition_point(|&w| w < v) * (kept.len() + 1)] += Complex::new(shift * m, 0.0);
     }

@@ -5,8 +5,9 @@
 use super::conformal::Solution;
 use super::domain::Domain;
 use super::operator::stiffness;
-use super::system::{ChartFactor, Reduction, condense_virtual, solver_error};
+use super::system::{ChartFactor, Reduction, condensed_operator};
 use crate::error::{EngineError, Result};
+use crate::sparse::{compress, solver_error};
 use crate::vector::Vec2;
 use crate::work::Work;
 use remesh_linalg::{Complex, DenseReal, RealCholesky};
@@ -42,17 +43,9 @@ impl DirichletProblem {
             Reduction::Whole(_) => whole(domain, factor),
             Reduction::Condensed(condensation) => {
                 let kept = condensation.plan().kept();
-                let slot = |v: u32| kept.partition_point(|&w| w < v);
-                let mut matrix = condensation.schur().to_vec();
-                if !domain.virtual_triangles.is_empty() {
-                    let (vertices, schur) = condense_virtual(domain, factor.weights)?;
-                    for (j, &column) in vertices.iter().enumerate() {
-                        for (i, &row) in vertices.iter().enumerate() {
-                            matrix[slot(column) * kept.len() + slot(row)] += schur[j * vertices.len() + i];
-                        }
-                    }
-                }
-                condensed(domain.outer.iter().map(|&v| slot(v) as u32).collect(), &matrix, kept.len())
+                let matrix = condensed_operator(domain, condensation, factor.weights)?;
+                let slot = |&v: &u32| kept.partition_point(|&w| w < v) as u32;
+                condensed(domain.outer.iter().map(slot).collect(), &matrix, kept.len())
             }
         }
     }
@@ -148,7 +141,7 @@ fn whole(domain: &Domain<'_>, factor: &ChartFactor) -> Result<DirichletProblem> 
             (Some(_), Some(_)) => {}
         }
     }
-    let inner = super::assembly::compress(free.len(), columns.into_iter(), entries.into_iter(), 0.0)?;
+    let inner = compress(free.len(), columns.into_iter(), entries.into_iter(), 0.0)?;
     let factor = RealCholesky::new(&inner).map_err(|e| solver_error(&e))?;
     Ok(DirichletProblem { size, held, free, factor: Some(Factor::Sparse(factor)), coupling })
 }

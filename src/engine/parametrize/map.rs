@@ -125,13 +125,13 @@ pub fn factor_boundary(patch: &Patch, factor: Option<&ChartFactor>, spec: Proble
     }))
 }
 
-/// What the checks say of a map.
+/// What the checks say of a map; the words are in [`ChartAttempt::rejected`].
 #[derive(Debug, Clone, PartialEq)]
 pub enum MapVerdict {
     /// One-to-one and even enough.
     Usable,
-    /// One-to-one, but lengths are scaled so unevenly that the patch must be split; by how much.
-    Crowded(f64),
+    /// One-to-one, but lengths are scaled so unevenly that the patch must be split.
+    Crowded,
     /// Not one-to-one.
     NotBijective {
         /// Flipped faces.
@@ -139,8 +139,8 @@ pub enum MapVerdict {
         /// Two boundary edges (pairs of vertices) that meet in the plane, if any do.
         crossing: Option<[[u32; 2]; 2]>,
     },
-    /// The solver gave up; why.
-    Unsolved(String),
+    /// The solver gave up, or what it found is no chart.
+    Unsolved,
 }
 
 /// A map with what the checks say of it: the output of the solve stage.
@@ -182,7 +182,7 @@ fn attempt_of(map: &MapSpec) -> ChartAttempt {
 /// The record of a map whose factorization failed.
 pub fn unsolved_map(map: &MapSpec, error: &EngineError) -> SolvedMap {
     let attempt = ChartAttempt { rejected: error.message().to_owned(), ..attempt_of(map) };
-    SolvedMap { uv: Vec::new(), distortion: Distortion::default(), attempt, verdict: MapVerdict::Unsolved(error.message().to_owned()) }
+    SolvedMap { uv: Vec::new(), distortion: Distortion::default(), attempt, verdict: MapVerdict::Unsolved }
 }
 
 /// Solves for a map, repairs flipped faces (P1 section 5) and checks it. One or two back substitutions for held loops and pins, about a
@@ -254,8 +254,7 @@ fn examine(patch: &Patch, shapes: &FaceShapes, map: &MapSpec, mut uv: Vec<Vec2>,
     for pass in 0..2 {
         if !exact && place(&patch.triangles, first, area, turn, &mut uv).is_none() {
             "the chart has no area".clone_into(&mut attempt.rejected);
-            let verdict = MapVerdict::Unsolved(attempt.rejected.clone());
-            return Ok(SolvedMap { uv, distortion: Distortion::default(), attempt, verdict });
+            return Ok(SolvedMap { uv, distortion: Distortion::default(), attempt, verdict: MapVerdict::Unsolved });
         }
         flipped = validity::flipped_faces(&patch.triangles, &uv);
         if pass == 0 {
@@ -284,12 +283,12 @@ fn examine(patch: &Patch, shapes: &FaceShapes, map: &MapSpec, mut uv: Vec<Vec2>,
         MapVerdict::NotBijective { flipped, crossing }
     } else if map.outer != 0 && !validity::runs_counter_clockwise(&patch.loops[map.outer], &uv) {
         "another loop came out outside".clone_into(&mut attempt.rejected);
-        MapVerdict::Unsolved(attempt.rejected.clone())
+        MapVerdict::Unsolved
     } else {
         let variation = scale_variation(&patch.triangles, &shapes.areas, &chart_areas(&patch.triangles, &uv), patch.positions.len());
         if variation > MAX_SCALE_VARIATION {
             attempt.rejected = format!("lengths are scaled by factors that differ {variation:.3e} times");
-            MapVerdict::Crowded(variation)
+            MapVerdict::Crowded
         } else {
             MapVerdict::Usable
         }

@@ -1,11 +1,10 @@
 //! The mean value convex combination map onto a held outer loop (P1 eq. 10-14, 24-26; Floater 2003): one-to-one for every disc on a
 //! strictly convex curve in exact arithmetic, whatever the triangles look like.
 
-use super::assembly::compress;
 use super::domain::Domain;
 use super::operator::{Weights, triangle_weights};
-use super::system::solver_error;
 use crate::error::{EngineError, Reason, Result};
+use crate::sparse::{compress, solver_error};
 use crate::vector::Vec2;
 use crate::work::Work;
 use remesh_linalg::RealLu;

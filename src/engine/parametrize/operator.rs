@@ -1,8 +1,8 @@
 //! The one place that assembles: weights of triangles (P1 eq. 12, 14, 21), and the matrices made of them.
 
-use super::assembly::compress;
 use super::domain::Flat;
 use crate::error::Result;
+use crate::sparse::compress;
 use remesh_linalg::RealMatrix;
 
 /// Weights of the pairs of vertices of a triangle.

@@ -95,14 +95,17 @@ fn direction(triangles: &[[u32; 3]], areas: &[f64], first: u32, uv: &[Vec2]) -> 
     Some(if sense < 0.0 { (-cos, -sin) } else { (cos, sin) })
 }
 
-/// Distortion of a face from its Jacobian; `None` if it has no area on the surface.
-fn face_distortion(flat: &Flat, corners: [Vec2; 3]) -> Option<FaceDistortion> {
+/// Distortion of a face from its Jacobian, infinite where the face has no area in the plane; `None` if it has none on the surface.
+pub(super) fn face_distortion(flat: &Flat, corners: [Vec2; 3]) -> Option<FaceDistortion> {
     if flat.area() <= 0.0 {
         return None;
     }
     let [a, b] = flat.jacobian(corners);
     let det = a[0] * b[1] - a[1] * b[0];
     let largest = 0.5 * (root_of_squares(a[0] + b[1], a[1] - b[0]) + root_of_squares(a[0] - b[1], a[1] + b[0]));
+    if det == 0.0 {
+        return Some(FaceDistortion { angle: f64::INFINITY, area: 0.0, stretch: f64::INFINITY });
+    }
     let angle = (largest * largest / det.abs()).max(1.0);
     let smallest = det.abs() / largest;
     let stretch = (0.5 * (1.0 / (largest * largest) + 1.0 / (smallest * smallest))).sqrt();

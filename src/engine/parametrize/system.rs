@@ -10,8 +10,9 @@ use super::outcome::Filling;
 use super::place::FaceShapes;
 use crate::error::{EngineError, Reason, Result};
 use crate::patch::Patch;
+use crate::sparse::solver_error;
 use crate::work::Work;
-use remesh_linalg::{CholeskyPlan, Condensation, CondensationPlan, SolveError};
+use remesh_linalg::{CholeskyPlan, Condensation, CondensationPlan};
 use std::sync::Arc;
 
 /// Largest number of loop vertices of a dense boundary problem, and its largest multiple of the root of the number of vertices.
@@ -152,9 +153,26 @@ pub fn factor_system(patch: &Patch, system: &ChartSystem, weights: Weights, work
     Ok(ChartFactor { weights, reduction, shapes })
 }
 
+/// The symmetric operator on the kept vertices of a condensed patch, dense, columns one after another: the Schur complement of the
+/// patch and that of the virtual triangles of the domain. Virtual vertices are eliminated.
+pub(super) fn condensed_operator(domain: &Domain<'_>, condensation: &Condensation, weights: Weights) -> Result<Vec<f64>> {
+    let kept = condensation.plan().kept();
+    let mut matrix = condensation.schur().to_vec();
+    if !domain.virtual_triangles.is_empty() {
+        let (vertices, schur) = condense_virtual(domain, weights)?;
+        let slots: Vec<usize> = vertices.iter().map(|&v| kept.partition_point(|&w| w < v)).collect();
+        for (j, &column) in slots.iter().enumerate() {
+            for (i, &row) in slots.iter().enumerate() {
+                matrix[column * kept.len() + row] += schur[j * slots.len() + i];
+            }
+        }
+    }
+    Ok(matrix)
+}
+
 /// The Schur complement that virtual triangles of a domain add on the vertices of the patch: those vertices, increasing, and the dense
 /// symmetric matrix. Virtual vertices are eliminated.
-pub(super) fn condense_virtual(domain: &Domain<'_>, weights: Weights) -> Result<(Vec<u32>, Vec<f64>)> {
+fn condense_virtual(domain: &Domain<'_>, weights: Weights) -> Result<(Vec<u32>, Vec<f64>)> {
     let mut vertices: Vec<u32> = domain.virtual_triangles.iter().flatten().copied().collect();
     vertices.sort_unstable();
     vertices.dedup();
@@ -167,14 +185,4 @@ pub(super) fn condense_virtual(domain: &Domain<'_>, weights: Weights) -> Result<
     let condensed = Condensation::new(Arc::new(plan), &matrix).map_err(|e| solver_error(&e))?;
     vertices.truncate(real);
     Ok((vertices, condensed.schur().to_vec()))
-}
-
-/// A solver failure as an engine error.
-pub(super) fn solver_error(e: &SolveError) -> EngineError {
-    let reason = match e {
-        SolveError::Resources(_) => Reason::LimitReached,
-        SolveError::Shape { .. } => Reason::Invariant,
-        _ => Reason::SolverSingular,
-    };
-    EngineError::new(reason, e.to_string())
 }

@@ -14,7 +14,7 @@ use crate::features::{Features, detect_features};
 use crate::fingerprint::Contents;
 use crate::import::{ImportOptions, Imported, import_arrays, import_mesh};
 use crate::mesh::SurfaceMesh;
-use crate::optimize::{Remeshed, optimize_surface};
+use crate::optimize::{Interiors, Remeshed, optimize_patch, optimize_surface};
 use crate::parametrize::{
     BoundaryFactor, ChartFactor, ChartOutcome, ChartSpec, ChartSystem, MapSpec, ProblemSpec, SolvedMap, Weights, candidate_maps, conclude,
     factor_boundary, factor_system, next_map, plan_system, solve_map, unsolved_map,
@@ -382,7 +382,12 @@ fn lift_step(
     let key = StageKey::new(Stage::Lift, |f| {
         f.fingerprint(key.input).fingerprint(planar.output);
     });
-    context.stage(key, subject, |_| Ok(lift(patch, &planar, &local_uses)))
+    let lifted: Stored<LiftedPatch> = context.stage(key, subject, |_| Ok(lift(patch, &planar, &local_uses)))?;
+    let spec = &snapshot.optimize;
+    let key = StageKey::new(Stage::Interior, |f| {
+        f.fingerprint(*fingerprint).fingerprint(lifted.output).f64s(&local_size).text(&format!("{spec:?}"));
+    });
+    context.stage(key, subject, |work| optimize_patch(patch, &lifted, &local_size, spec, work))
 }
 
 pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Remesh> {
@@ -395,7 +400,7 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
     let patches = (0..charts.charts.len() as u32).map(Subject::Patch);
     let curves = (0..charts.patches.network.curves.len() as u32).map(Subject::Curve);
     let each: Vec<(Stage, Subject)> =
-        curves.map(|c| (Stage::Curve, c)).chain(patches.flat_map(|p| [(Stage::Planar, p), (Stage::Lift, p)])).collect();
+        curves.map(|c| (Stage::Curve, c)).chain(patches.flat_map(|p| [(Stage::Planar, p), (Stage::Lift, p), (Stage::Interior, p)])).collect();
     let below = |halt| context.and_below(halt, below_charts, &each);
     let wanted = size_step(context, snapshot, &charts).map_err(below)?;
     let sizes = match quads {
@@ -414,8 +419,9 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
         f.fingerprint(charts.surface.imported.output).fingerprint(assembled.output).fingerprint(sizes.output).text(&format!("{spec:?}"));
     });
     let input = &charts.surface.imported.mesh;
-    let result =
-        context.stage(key, Subject::Surface, |work| optimize_surface(input, &tree.value.output, &assembled, &sizes, spec, work));
+    let result = context.stage(key, Subject::Surface, |work| {
+        optimize_surface(input, &tree.value.output, &assembled, Interiors::Optimized, &sizes, spec, work)
+    });
     let result = match quads {
         None => result?,
         Some(kind) => {

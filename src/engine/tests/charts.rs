@@ -231,6 +231,8 @@ fn a_bad_specification_is_an_error_with_places_and_can_be_mended() {
     assert!(refused.reason() == Reason::ChartFailed && refused.message().starts_with("patch "), "{refused}");
     let held = run(|run| pipeline::layout(&engine, &session.snapshot(), run)).unwrap().value;
     assert!(held.charts.iter().any(Result::is_err));
+    let plan = run(|run| pipeline::plan_charts(&engine, &session.snapshot(), run)).unwrap();
+    assert!(plan.iter().all(|r| r.outcome == Outcome::Hit), "what the patch refuses is known, and the plan says so without failing");
     run(|run| pipeline::preview_chart(&engine, &session.snapshot(), 0, &ChartSpec::default(), run)).unwrap();
     let wide = session.apply(None, &[Change::Chart(boundary(inside))]).unwrap_err();
     assert_eq!(wide.reason(), Reason::BadParameter);

@@ -14,7 +14,7 @@ use remesh_engine::mesh::{LengthUnit, Region, SurfaceMesh};
 use remesh_engine::optimize::OptimizeSpec;
 use remesh_engine::parametrize::ChartSpec;
 use remesh_engine::partition::{BorderSmoothing, PartitionSpec, PartitionStrategy, Plane};
-use remesh_engine::planar::Mesher;
+use remesh_engine::planar::{Mesher, QuadKind};
 use remesh_engine::quality::QualityScope;
 use remesh_engine::sample::{SampleKind, SampleSpec};
 use remesh_engine::session::{Change, MeshSource, Revision};
@@ -289,9 +289,14 @@ fn bounds(min_size: Option<f64>, max_size: Option<f64>, growth_rate: Option<f64>
 
 /// Which mesher.
 pub(crate) fn mesher(spec: &v1::MesherSpec) -> Result<Mesher> {
-    Ok(match known(spec.kind, "mesher.kind")? {
+    let mesher = match known(spec.kind, "mesher.kind")? {
         v1::MesherKind::Unspecified | v1::MesherKind::Frontal => Mesher::Frontal,
-    })
+        v1::MesherKind::Quads => Mesher::Quads(if spec.all_quads { QuadKind::All } else { QuadKind::Mixed }),
+    };
+    if spec.all_quads && mesher.quads().is_none() {
+        return Err(EngineError::bad_parameter("mesher.all_quads", "goes with the mesher MESHER_KIND_QUADS only"));
+    }
+    Ok(mesher)
 }
 
 /// Most rounds of optimisation that make any sense.

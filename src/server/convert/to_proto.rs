@@ -8,8 +8,8 @@ use remesh_engine::import::ImportReport;
 use remesh_engine::mesh::{LengthUnit, Region, SurfaceMesh};
 use remesh_engine::optimize::OptimizeSpec;
 use remesh_engine::partition::{BorderSmoothing, PartitionSpec, PartitionStrategy, PatchSummary, Plane};
-use remesh_engine::planar::Mesher;
-use remesh_engine::quality::{Fidelity, QualityReport, ShapeQuality, TopologyNumbers};
+use remesh_engine::planar::{Mesher, QuadKind};
+use remesh_engine::quality::{Fidelity, QuadQuality, QualityReport, ShapeQuality, TopologyNumbers};
 use remesh_engine::session::Snapshot;
 use remesh_engine::sizing::SizeSpec;
 use remesh_engine::stage::{Outcome, StageRecord, Subject};
@@ -192,6 +192,19 @@ pub(crate) fn shape(shape: &ShapeQuality) -> v1::ShapeQuality {
     }
 }
 
+pub(crate) fn quads(quads: &QuadQuality) -> v1::QuadQuality {
+    v1::QuadQuality {
+        quads: quads.quads,
+        triangles: quads.triangles,
+        eta_min: quads.eta_min,
+        eta_mean: quads.eta_mean,
+        eta_p01: quads.eta_p01,
+        eta_histogram: quads.eta_histogram.clone(),
+        tau: quads.tau,
+        edge_ratio_ok: quads.edge_ratio_ok,
+    }
+}
+
 fn fidelity(fidelity: &Fidelity) -> v1::Fidelity {
     v1::Fidelity {
         diagonal: fidelity.diagonal,
@@ -215,6 +228,7 @@ pub(crate) fn quality(report: &QualityReport) -> v1::QualityReport {
         self_intersections: report.self_intersections,
         intersecting_pairs: report.intersecting_pairs.iter().map(|&[first, second]| v1::FacePair { first, second }).collect(),
         worst_faces: report.worst_faces.clone(),
+        quads: report.quads.as_ref().map(quads),
     }
 }
 
@@ -295,8 +309,9 @@ fn size(spec: &SizeSpec) -> v1::SizeSpec {
 fn mesher(mesher: Mesher) -> v1::MesherSpec {
     let kind = match mesher {
         Mesher::Frontal => v1::MesherKind::Frontal,
+        Mesher::Quads(_) => v1::MesherKind::Quads,
     };
-    v1::MesherSpec { kind: kind.into() }
+    v1::MesherSpec { kind: kind.into(), all_quads: mesher.quads() == Some(QuadKind::All) }
 }
 
 fn optimize(spec: &OptimizeSpec) -> v1::OptimizeSpec {

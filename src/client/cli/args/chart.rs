@@ -90,6 +90,18 @@ pub(crate) struct PatchOf {
     pub(crate) patch: u32,
 }
 
+/// A spec for one patch of a session or for all that have none of their own.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct PatchSpecArgs {
+    #[command(flatten)]
+    pub(crate) session: SessionName,
+    /// Number of the patch
+    #[arg(value_name = "PATCH")]
+    pub(crate) patch: Option<u32>,
+    #[command(flatten)]
+    pub(crate) spec: ChartSpecArgs,
+}
+
 #[derive(Debug, Subcommand)]
 pub(crate) enum ChartVerb {
     /// Show the spec that a patch follows, and its chart
@@ -100,15 +112,7 @@ pub(crate) enum ChartVerb {
         output: ChartOutput,
     },
     /// Change the chart spec of a patch (or, without PATCH, of all that have none of their own); what is not named stays
-    Set {
-        #[command(flatten)]
-        session: SessionName,
-        /// Number of the patch
-        #[arg(value_name = "PATCH")]
-        patch: Option<u32>,
-        #[command(flatten)]
-        spec: ChartSpecArgs,
-    },
+    Set(PatchSpecArgs),
     /// Let a patch follow the spec of the session again
     Reset(PatchOf),
     /// Show the chart a patch would have, changing nothing (exit code 1 if it could not be used)
@@ -121,13 +125,5 @@ pub(crate) enum ChartVerb {
         output: ChartOutput,
     },
     /// Tell what the charts, or the preview of one, would find in the cache and what they would compute
-    Plan {
-        #[command(flatten)]
-        session: SessionName,
-        /// Number of the patch
-        #[arg(value_name = "PATCH")]
-        patch: Option<u32>,
-        #[command(flatten)]
-        spec: ChartSpecArgs,
-    },
+    Plan(PatchSpecArgs),
 }

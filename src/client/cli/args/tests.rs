@@ -35,7 +35,7 @@ fn chart_takes_a_verb_or_a_surface() {
         Err(error) => Err(error.kind()),
     };
     let set = chart("remesh chart set abc 3 --method lscm --pin 4:0,0 --pin 9:1,0.5 --holes plane").expect("valid");
-    let Some(ChartVerb::Set { patch: Some(3), spec, .. }) = set.verb else { panic!("{set:?}") };
+    let Some(ChartVerb::Set(PatchSpecArgs { patch: Some(3), spec, .. })) = set.verb else { panic!("{set:?}") };
     assert_eq!((spec.pins.len(), spec.holes), (2, Some(HoleChoice::Plane)));
     let all = chart("remesh chart a.stl --patches 2 --patch 1 --method harmonic --boundary square --corner 1,2,3,4").expect("valid");
     assert!(all.verb.is_none() && all.all.target.as_deref() == Some("a.stl") && all.all.spec.corners == [1, 2, 3, 4]);

@@ -3,6 +3,15 @@
 use clap::ValueEnum;
 use std::time::Duration;
 
+/// What the mesh is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum MesherChoice {
+    /// Triangles: Delaunay with points from the front
+    Frontal,
+    /// Quadrangles and a few triangles
+    Quads,
+}
+
 /// Sharp edges by angle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum FeatureAngle {

@@ -285,12 +285,9 @@ fn faces_without_area_do_not_stop_a_chart() {
     sheet.positions.push(scale(add(p[0], p[1]), 0.5));
     sheet.triangles[30] = [middle, t[1], t[2]];
     sheet.triangles.push([t[0], middle, t[2]]);
-    let other = sheet.triangles.iter().position(|s| (0..3).any(|k| s[k] == t[1] && s[(k + 1) % 3] == t[0])).unwrap();
-    let s = sheet.triangles[other];
-    let k = (0..3).find(|&k| s[k] == t[1] && s[(k + 1) % 3] == t[0]).unwrap();
+    assert!(sheet.triangles.iter().any(|s| (0..3).any(|k| s[k] == t[1] && s[(k + 1) % 3] == t[0])), "the edge is inside");
     // The face across keeps its long edge, so that the middle vertex makes a sliver of no area with it.
     sheet.triangles.push([t[0], t[1], middle]);
-    sheet.triangles[other] = [s[k], s[(k + 1) % 3], s[(k + 2) % 3]];
     let sheet = patch(sheet.positions, sheet.triangles);
     for method in METHODS {
         match outcome(&sheet, ChartSpec::only(method)) {
@@ -307,6 +304,6 @@ fn pins_hold_on_long_strips() {
     let strip = grid(6000, 1, false, 0.0, |u, v| [6000.0 * u, v, 0.0]);
     let plane: Vec<Vec2> = strip.positions.iter().map(|p| [p[0], p[1]]).collect();
     let chart = chart(&strip, ChartSpec::only(ChartMethod::LeastSquaresConformal));
-    // The weakest bending mode costs 1e-11 of the stiffest: digits are lost, the map is not.
+    // Bending so slender a strip costs next to nothing (by estimate (width/length)^2 of what shear costs): digits are lost, the map is not.
     assert!(deviation_aligned(&chart.uv, &plane) < 1e-3, "{:e}", deviation_aligned(&chart.uv, &plane));
 }

@@ -2,9 +2,10 @@
 
 use super::sheet::{NONE, Sheet};
 use crate::error::{EngineError, Reason, Result};
+use crate::sparse::{compress, solver_error};
 use crate::vector::Vec2;
 use crate::work::Work;
-use remesh_linalg::{RealCholesky, RealMatrix, SolveError};
+use remesh_linalg::RealCholesky;
 
 /// A vertex whose place is given.
 const FIXED: u32 = NONE - 1;
@@ -62,10 +63,8 @@ impl Harmonic {
     fn solve(&self, sheet: &Sheet, faces: &[u32], inside: impl Fn(u32) -> bool, n: usize, work: &Work<'_>) -> Result<Vec<f64>> {
         let mut rhs = vec![0.0; 2 * n];
         let mut diagonal = vec![0.0; n];
-        // Entries above the diagonal as (column, row, value): every edge once.
-        let mut entries: Vec<(u32, u32, f64)> = Vec::with_capacity(3 * n);
-        let mut start = vec![1u32; n + 1];
-        start[0] = 0;
+        // Entries above the diagonal as (row, column, value): every edge once.
+        let mut entries: Vec<(u32, u32, f64)> = Vec::with_capacity(4 * n);
         for &f in faces {
             for h in 3 * f..3 * f + 3 {
                 let t = sheet.twin[h as usize];
@@ -83,62 +82,20 @@ impl Harmonic {
                         rhs[row as usize] += w * self.uv[j as usize][0];
                         rhs[n + row as usize] += w * self.uv[j as usize][1];
                     } else if row < other {
-                        entries.push((other, row, -w));
-                        start[other as usize + 1] += 1;
+                        entries.push((row, other, -w));
                     }
                 }
             }
         }
         work.check()?;
-        let matrix = compress(n, start, &entries, &diagonal)?;
-        let factor = RealCholesky::new(&matrix).map_err(|e| refused(&e))?;
+        entries.extend(diagonal.iter().enumerate().map(|(v, &w)| (v as u32, v as u32, w)));
+        let matrix = compress(n, entries.iter().map(|e| e.1), entries.iter().copied(), 0.0)?;
+        let factor = RealCholesky::new(&matrix).map_err(|e| solver_error(&e))?;
         work.check()?;
         factor.solve_in_place(&mut rhs, 2);
         if rhs.iter().any(|x| !x.is_finite()) {
             return Err(EngineError::new(Reason::SolverSingular, "the harmonic map is not finite"));
         }
         Ok(rhs)
-    }
-}
-
-/// Upper triangle in compressed columns. `start[c + 1]` is the number of entries of column `c`, the diagonal included.
-fn compress(n: usize, mut start: Vec<u32>, entries: &[(u32, u32, f64)], diagonal: &[f64]) -> Result<RealMatrix> {
-    for c in 0..n {
-        start[c + 1] += start[c];
-    }
-    let mut fill = start.clone();
-    let mut cells = vec![(0u32, 0.0f64); start[n] as usize];
-    for &(column, row, value) in entries {
-        cells[fill[column as usize] as usize] = (row, value);
-        fill[column as usize] += 1;
-    }
-    for c in 0..n {
-        let column = &mut cells[start[c] as usize..start[c + 1] as usize];
-        if let Some(last) = column.last_mut() {
-            *last = (c as u32, diagonal[c]);
-        }
-        column.sort_unstable_by_key(|e| e.0);
-    }
-    // Two vertices joined by two edges (a set of two faces can have that): one entry.
-    let mut merged: Vec<(u32, f64)> = Vec::with_capacity(cells.len());
-    let mut pointers = vec![0u32];
-    for c in 0..n {
-        let first = merged.len();
-        for &(row, value) in &cells[start[c] as usize..start[c + 1] as usize] {
-            match merged[first..].last_mut() {
-                Some(last) if last.0 == row => last.1 += value,
-                _ => merged.push((row, value)),
-            }
-        }
-        pointers.push(merged.len() as u32);
-    }
-    let (rows, values) = merged.into_iter().unzip();
-    RealMatrix::try_new_csc((n, n), pointers, rows, values).map_err(|e| EngineError::invariant(format!("harmonic map: {}", e.3)))
-}
-
-fn refused(error: &SolveError) -> EngineError {
-    match error {
-        SolveError::Resources(_) => EngineError::new(Reason::LimitReached, format!("harmonic map: {error}")),
-        _ => EngineError::new(Reason::SolverSingular, format!("harmonic map: {error}")),
     }
 }

@@ -1,6 +1,8 @@
-//! Sparse assembly without triplet lists: two passes over the mesh, a counting sort by column, a short sort in each column.
+//! Sparse assembly without triplet lists (two passes over the mesh, a counting sort by column, a short sort in each column), and
+//! what the solvers refuse, as errors of the engine.
 
-use crate::error::{EngineError, Result};
+use crate::error::{EngineError, Reason, Result};
+use remesh_linalg::SolveError;
 use sprs::CsMatI;
 use std::ops::AddAssign;
 
@@ -9,7 +11,7 @@ use std::ops::AddAssign;
 ///
 /// # Errors
 /// More entries than `u32` counts, or iterators that disagree (invariant).
-pub(super) fn compress<T: Copy + AddAssign>(
+pub(crate) fn compress<T: Copy + AddAssign>(
     size: usize,
     columns: impl Iterator<Item = u32>,
     entries: impl Iterator<Item = (u32, u32, T)>,
@@ -45,7 +47,17 @@ pub(super) fn compress<T: Copy + AddAssign>(
                 values.push(value);
             }
         }
-        pointers.push(u32::try_from(rows.len()).map_err(|_| EngineError::invariant("a patch matrix has too many entries"))?);
+        pointers.push(u32::try_from(rows.len()).map_err(|_| EngineError::invariant("a matrix has too many entries"))?);
     }
     CsMatI::try_new_csc((size, size), pointers, rows, values).map_err(|e| EngineError::invariant(format!("assembly: {}", e.3)))
+}
+
+/// A solver failure as an engine error.
+pub(crate) fn solver_error(e: &SolveError) -> EngineError {
+    let reason = match e {
+        SolveError::Resources(_) => Reason::LimitReached,
+        SolveError::Shape { .. } => Reason::Invariant,
+        _ => Reason::SolverSingular,
+    };
+    EngineError::new(reason, e.to_string())
 }
