@@ -106,7 +106,8 @@ fn improve(mesh: &mut Mixed, surface: &Input<'_>, work: &Work<'_>) -> Result<()>
         smooth::smooth(mesh, surface, ROUNDS[0], work)?;
         clean::clean(mesh, surface, 3, work)?;
     }
-    smooth::smooth(mesh, surface, ROUNDS[1], work)
+    smooth::smooth(mesh, surface, ROUNDS[1], work)?;
+    smooth::chase(mesh, surface, work)
 }
 
 fn from_triangles(input: &QuadInput<'_>, base: &Remeshed) -> Result<Mixed> {

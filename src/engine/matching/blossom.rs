@@ -146,6 +146,17 @@ impl<'a> Forest<'a> {
         node
     }
 
+    /// Makes the children of a blossom nodes of their own.
+    pub(super) fn dissolve(&mut self, node: u32) -> Blossom {
+        let blossom = std::mem::take(self.blossom(node));
+        for &child in &blossom.children {
+            self.parent[child as usize] = NONE;
+            self.up[child as usize] = NONE;
+        }
+        self.unused.push(node);
+        blossom
+    }
+
     pub(super) fn set_mate(&mut self, link: Link) {
         self.mate[link.from as usize] = link;
         self.mate[link.to as usize] = link.reversed();

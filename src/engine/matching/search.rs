@@ -30,6 +30,8 @@ struct Search<'a> {
     touched: Vec<Vec<u32>>,
     /// Root of the tree of each labelled node.
     tree: Vec<u32>,
+    /// By root: when the first even vertex of its tree is worthless.
+    worthless_at: Vec<i64>,
     leaves: Vec<u32>,
     mark: Vec<u32>,
     marks: u32,
@@ -81,6 +83,7 @@ impl<'a> Search<'a> {
             events: BinaryHeap::new(),
             touched: vec![Vec::new(); count],
             tree: vec![NONE; count],
+            worthless_at: vec![i64::MAX; count],
             leaves: Vec::new(),
             mark: Vec::new(),
             marks: 0,
@@ -200,11 +203,17 @@ impl<'a> Search<'a> {
     fn scan(&mut self, node: u32) {
         let mut leaves = Vec::new();
         self.forest.leaves(node, &mut leaves);
-        for v in leaves {
+        // All even vertices of a tree lose alike: only the first to be worthless matters.
+        let first = leaves.iter().copied().min_by_key(|&v| (self.dual_now(v, Label::Even), v));
+        if let Some(v) = first {
             let time = self.now + self.dual_now(v, Label::Even);
-            self.events.push(Reverse((time, Event::Worthless(v))));
-            self.announce(v);
+            let tree = self.tree[node as usize] as usize;
+            if time < self.worthless_at[tree] {
+                self.worthless_at[tree] = time;
+                self.events.push(Reverse((time, Event::Worthless(v))));
+            }
         }
+        leaves.into_iter().for_each(|v| self.announce(v));
     }
 
     /// Grows trees from all unmatched vertices that are worth something until none is left.
@@ -402,12 +411,10 @@ impl<'a> Search<'a> {
         self.settle(node, Label::Odd);
         let (entry, tree) = (self.forest.entry[node as usize], self.tree[node as usize]);
         self.forest.label[node as usize] = Label::Free;
-        let blossom = std::mem::take(self.forest.blossom(node));
+        let blossom = self.forest.dissolve(node);
         let mut leaves = Vec::new();
         let mut enters = 0;
         for (i, &child) in blossom.children.iter().enumerate() {
-            self.forest.parent[child as usize] = NONE;
-            self.forest.up[child as usize] = NONE;
             self.forest.since[child as usize] = self.now;
             leaves.clear();
             self.forest.leaves(child, &mut leaves);
@@ -418,7 +425,6 @@ impl<'a> Search<'a> {
                 }
             }
         }
-        self.forest.unused.push(node);
         let count = blossom.children.len();
         let mut is_free = vec![true; count];
         let mut evens = Vec::new();
@@ -466,12 +472,20 @@ impl<'a> Search<'a> {
             if label == Label::Free || self.forest.parent[node as usize] != NONE || self.tree[node as usize] != tree {
                 continue;
             }
-            let before = leaves.len();
             self.settle(node, label);
             self.forest.label[node as usize] = Label::Free;
             self.forest.entry[node as usize] = Link::NO;
-            self.forest.leaves(node, &mut leaves);
-            leaves[before..].iter().for_each(|&v| self.forest.home[v as usize] = node);
+            let mut tops = vec![node];
+            while let Some(top) = tops.pop() {
+                let before = leaves.len();
+                if self.forest.is_blossom(top) && self.forest.blossom(top).dual == 0 {
+                    // Not held together by a dual: it need not be a blossom.
+                    tops.extend(self.forest.dissolve(top).children);
+                    continue;
+                }
+                self.forest.leaves(top, &mut leaves);
+                leaves[before..].iter().for_each(|&v| self.forest.home[v as usize] = top);
+            }
         }
         // Other trees may now reach what this one held.
         leaves.into_iter().for_each(|v| self.announce(v));
