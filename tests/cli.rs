@@ -234,8 +234,13 @@ fn a_session_of_a_daemon_step_by_step() {
     has(&["partition", session, "--json"], "\"box_aspect_ratio\":");
     has(&["set", session, "--partition-strategy", "laplace"], "revision");
     has(&["partition", session, "--json"], "\"strategy\":\"laplace\"");
+    has(&["set", session, "--partition-strategy", "pants"], "revision");
+    has(&["partition", session, "--json"], "\"strategy\":\"pants\"");
     assert_eq!(at(&["set", session, "--plane", "0,0,0,1,0,0"]).code, Some(1), "a plane is for the strategy plane");
-    has(&["set", session, "--partition-strategy", "auto", "--borders", "vote"], "revision");
+    has(&["set", session, "--partition-strategy", "auto", "--borders", "geodesic"], "revision");
+    has(&["session", "show", session], "borders: \"geodesic\"");
+    has(&["partition", session], "strategy  multilevel: ");
+    has(&["set", session, "--borders", "vote"], "revision");
     has(&["chart", session], "spectral");
     has(&["chart", session, "--patch", "0"], "1 of ");
     chart_of_a_patch(&at, &has, session);
@@ -243,6 +248,7 @@ fn a_session_of_a_daemon_step_by_step() {
     has(&["remesh", session], "kappa");
     has(&["plan", session], "cached");
     has(&["quality", "--session", session], "(kept)");
+    has(&["quality", "--session", session, "--json"], "\"seams\":{\"after\":");
     has(&["export", session, "-o", "out.msh"], "out.msh");
     has(&["render", "--session", session, "--result", "-o", "r.png", "--width", "300", "--height", "240"], "drew");
     assert!(starts_with(&scratch.path("r.png"), PNG));
@@ -269,6 +275,14 @@ fn chart_of_a_patch(at: &dyn Fn(&[&str]) -> Answer, has: &dyn Fn(&[&str], &str),
     has(&["chart", "plan", session, "0", "--method", "lscm"], "will run chart patch 0");
     has(&["chart", "preview", session, "0", "--method", "lscm"], "lscm");
     has(&["chart", "plan", session, "0", "--method", "lscm"], "0 to run");
+    has(&["patch", "split", session, "0"], "split");
+    has(&["partition", session], "edit 1");
+    assert_eq!(at(&["patch", "merge", session, "0"]).code, Some(2), "two patches at least");
+    assert_eq!(at(&["patch", "merge", session, "0", "4000"]).code, Some(1));
+    assert_eq!(at(&["patch", "reassign", session, "0", "--faces", "4000000"]).code, Some(1));
+    has(&["patch", "reset", session], "1 taken back");
+    has(&["set", session, "--merge-angle", "20", "--merge-below-size", "none", "--compound", "none"], "revision");
+    has(&["set", session, "--merge-angle", "none"], "revision");
     has(&["chart", "set", session, "0", "--method", "lscm", "--pins", "farthest"], "lscm, holes auto, pins farthest");
     has(&["chart", "set", session, "0", "--holes", "open"], "lscm, holes open, pins farthest");
     has(&["chart", "show", session, "0", "--json"], r#""own_spec":true"#);

@@ -437,7 +437,8 @@ pub enum DataColumn {
     FeatureEdges = 6,
     /// Chart coordinates of each local vertex of a patch: 2 f64 each.
     Uv = 7,
-    /// Vertex of the imported mesh for each local vertex of a patch: u32.
+    /// Vertex of the imported mesh for each local vertex of a patch: u32. For a vertex that a straight border has made inside an edge (see
+    /// PARTITION_BORDERS_GEODESIC) the nearer end of the edge.
     SourceVertex = 8,
     /// Face of the imported mesh for each local face of a patch: u32.
     SourceFace = 9,
@@ -982,6 +983,31 @@ pub mod capability_service_server {
         const NAME: &'static str = SERVICE_NAME;
     }
 }
+/// Regions by their numbers.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct RegionList {
+    /// Numbers of regions, as MeshSummary tells them.
+    #[prost(int64, repeated, tag = "1")]
+    pub regions: ::prost::alloc::vec::Vec<i64>,
+}
+/// Which regions are merged into compounds, each parametrized as one. Inside a compound neither region borders nor sharp edges between two
+/// of its regions are features; explicit edges are, and so are sharp edges inside of one region. The rules add up: first the lists, then by
+/// angle, then by size. Faces of the result keep the regions of the input below them.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct CompoundSpec {
+    /// Lists of regions, each a compound. A region is in one list at most; the regions of a list hang together along common borders.
+    #[prost(message, repeated, tag = "1")]
+    pub lists: ::prost::alloc::vec::Vec<RegionList>,
+    /// Regions that meet below this angle (degrees, in (0, 180\]) are merged, the smoothest first. The angle between two regions (or
+    /// compounds made so far) is the smallest that is exceeded along at most a twentieth of their common border.
+    #[prost(double, optional, tag = "2")]
+    pub merge_angle: ::core::option::Option<f64>,
+    /// Regions thinner than this length are merged, the thinnest first, into the neighbour with which they have most contact: length of
+    /// the common border, each edge weighted with (1 + cos angle) / 2. The thickness of a region is 2 A / P, its area over half its border
+    /// length: the width of a strip, half the side of a square.
+    #[prost(double, optional, tag = "3")]
+    pub merge_below_size: ::core::option::Option<f64>,
+}
 /// Which edges of the surface are features, kept in the output.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct FeatureSpec {
@@ -995,6 +1021,9 @@ pub struct FeatureSpec {
     /// Edges that are features whatever their angle: two u32 vertex indices of the imported mesh each.
     #[prost(message, optional, tag = "5")]
     pub explicit_edges: ::core::option::Option<PackedArray>,
+    /// Regions that are parametrized as one. Default: none.
+    #[prost(message, optional, tag = "6")]
+    pub compounds: ::core::option::Option<CompoundSpec>,
     #[prost(oneof = "feature_spec::SharpEdges", tags = "1, 2")]
     pub sharp_edges: ::core::option::Option<feature_spec::SharpEdges>,
 }
@@ -1039,7 +1068,7 @@ pub struct PartitionSpec {
     /// principal axes and to the coordinate axes are tried, and parts may be merged across the one taken.
     #[prost(message, optional, tag = "5")]
     pub plane: ::core::option::Option<CutPlane>,
-    /// What is done to borders. Default VOTE.
+    /// What is done to borders. Default GEODESIC.
     #[prost(enumeration = "PartitionBorders", tag = "6")]
     pub borders: i32,
 }
@@ -1263,6 +1292,9 @@ pub struct SessionInputs {
     /// How many patches have a chart spec of their own (see ChartService), also those that the partition has at present not.
     #[prost(uint32, tag = "7")]
     pub patch_charts: u32,
+    /// How many edits of patches there are (see PartitionService), also those that wait for their patches.
+    #[prost(uint32, tag = "8")]
+    pub patch_edits: u32,
 }
 /// What a border between two regions is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
@@ -1381,7 +1413,7 @@ impl MesherKind {
 pub enum PartitionStrategy {
     /// PARTITION_STRATEGY_AUTO.
     Unspecified = 0,
-    /// The engine chooses: today always PARTITION_STRATEGY_MULTILEVEL; the answer says why.
+    /// The engine chooses the fewest patches among the strategies that fit the shape; the answer says what was compared.
     Auto = 1,
     /// Recursive cuts of the dual graph until every part has genus 0.
     Multilevel = 2,
@@ -1393,6 +1425,8 @@ pub enum PartitionStrategy {
     Handles = 5,
     /// A cut by a plane through the handles, given in `plane` or found. What handles it leaves are opened along loops.
     Plane = 6,
+    /// Pants decomposition: parts of genus 0 with three loops, cut by short loops; divided further where size or aspect ratio ask for it.
+    Pants = 7,
 }
 impl PartitionStrategy {
     /// String value of the enum field names used in the ProtoBuf definition.
@@ -1408,6 +1442,7 @@ impl PartitionStrategy {
             Self::MaxCut => "PARTITION_STRATEGY_MAX_CUT",
             Self::Handles => "PARTITION_STRATEGY_HANDLES",
             Self::Plane => "PARTITION_STRATEGY_PLANE",
+            Self::Pants => "PARTITION_STRATEGY_PANTS",
         }
     }
     /// Creates an enum from field names used in the ProtoBuf definition.
@@ -1420,6 +1455,7 @@ impl PartitionStrategy {
             "PARTITION_STRATEGY_MAX_CUT" => Some(Self::MaxCut),
             "PARTITION_STRATEGY_HANDLES" => Some(Self::Handles),
             "PARTITION_STRATEGY_PLANE" => Some(Self::Plane),
+            "PARTITION_STRATEGY_PANTS" => Some(Self::Pants),
             _ => None,
         }
     }
@@ -1428,13 +1464,18 @@ impl PartitionStrategy {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
 #[repr(i32)]
 pub enum PartitionBorders {
-    /// PARTITION_BORDERS_VOTE.
+    /// PARTITION_BORDERS_GEODESIC.
     Unspecified = 0,
     /// Faces change patches one at a time where that straightens a border. The two-way cuts do not need it: those of LAPLACE are laid
     /// along shortest paths in any case, those of MAX_CUT are left as they are.
     Vote = 1,
     /// Then every border is laid anew along the shortest edge path within a band around it.
     Shortest = 2,
+    /// Then every border is shortened over the surface to a geodesic nearby, between the same ends, and input triangles are split along it.
+    /// Patches are cut out of that split surface: their numbers (faces, area, border length) are its own, but for the aspect ratio of boxes.
+    /// Wherever elements are named, they are those of the imported mesh: a face by the face it is part of, a vertex inside an edge by the
+    /// nearer end.
+    Geodesic = 3,
 }
 impl PartitionBorders {
     /// String value of the enum field names used in the ProtoBuf definition.
@@ -1446,6 +1487,7 @@ impl PartitionBorders {
             Self::Unspecified => "PARTITION_BORDERS_UNSPECIFIED",
             Self::Vote => "PARTITION_BORDERS_VOTE",
             Self::Shortest => "PARTITION_BORDERS_SHORTEST",
+            Self::Geodesic => "PARTITION_BORDERS_GEODESIC",
         }
     }
     /// Creates an enum from field names used in the ProtoBuf definition.
@@ -1454,6 +1496,7 @@ impl PartitionBorders {
             "PARTITION_BORDERS_UNSPECIFIED" => Some(Self::Unspecified),
             "PARTITION_BORDERS_VOTE" => Some(Self::Vote),
             "PARTITION_BORDERS_SHORTEST" => Some(Self::Shortest),
+            "PARTITION_BORDERS_GEODESIC" => Some(Self::Geodesic),
             _ => None,
         }
     }
@@ -3824,7 +3867,7 @@ pub struct SampleSpec {
     /// About how many triangles. Default 20000.
     #[prost(uint64, optional, tag = "2")]
     pub triangles: ::core::option::Option<u64>,
-    /// Handles (genus) of the pelvis or of the brake; other kinds refuse it. Default: the usual.
+    /// Handles (genus) of the pelvis, of the brake or of the lattice; other kinds refuse it. Default: the usual.
     #[prost(uint32, optional, tag = "3")]
     pub genus: ::core::option::Option<u32>,
     /// Outlets of the artery. Default 9.
@@ -4178,6 +4221,8 @@ pub enum SampleKind {
     CadPart = 4,
     /// A tube, open at both ends.
     Tube = 5,
+    /// A closed block of gyroid lattice, struts along a net of three-fold nodes, of high genus, marching cubes style.
+    Lattice = 6,
 }
 impl SampleKind {
     /// String value of the enum field names used in the ProtoBuf definition.
@@ -4192,6 +4237,7 @@ impl SampleKind {
             Self::Brake => "SAMPLE_KIND_BRAKE",
             Self::CadPart => "SAMPLE_KIND_CAD_PART",
             Self::Tube => "SAMPLE_KIND_TUBE",
+            Self::Lattice => "SAMPLE_KIND_LATTICE",
         }
     }
     /// Creates an enum from field names used in the ProtoBuf definition.
@@ -4203,6 +4249,7 @@ impl SampleKind {
             "SAMPLE_KIND_BRAKE" => Some(Self::Brake),
             "SAMPLE_KIND_CAD_PART" => Some(Self::CadPart),
             "SAMPLE_KIND_TUBE" => Some(Self::Tube),
+            "SAMPLE_KIND_LATTICE" => Some(Self::Lattice),
             _ => None,
         }
     }
@@ -4936,6 +4983,32 @@ pub struct PatchSummary {
     /// sees long patches whose border is long, too. Not limited.
     #[prost(double, tag = "8")]
     pub box_aspect_ratio: f64,
+    /// How it came about.
+    #[prost(enumeration = "PatchOrigin", tag = "9")]
+    pub origin: i32,
+}
+/// Regions that are parametrized as one.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Compound {
+    /// The regions, two or more.
+    #[prost(message, repeated, tag = "1")]
+    pub regions: ::prost::alloc::vec::Vec<Region>,
+    /// The rules that merged some of them.
+    #[prost(enumeration = "CompoundRule", repeated, tag = "2")]
+    pub rules: ::prost::alloc::vec::Vec<i32>,
+}
+/// What became of an edit of patches.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct PatchEditState {
+    /// What it does.
+    #[prost(enumeration = "PatchEditKind", tag = "1")]
+    pub kind: i32,
+    /// Whether it is in the partition. If not, it waits.
+    #[prost(bool, tag = "2")]
+    pub applied: bool,
+    /// Why it waits: its patches are not there, or it is not valid under the present features and limits.
+    #[prost(string, tag = "3")]
+    pub waits_for: ::prost::alloc::string::String,
 }
 /// Request of PartitionSurface.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
@@ -4946,6 +5019,10 @@ pub struct PartitionSurfaceRequest {
     /// ABORTED if the session is at another revision. Not set: whichever is current.
     #[prost(uint64, optional, tag = "2")]
     pub expected_revision: ::core::option::Option<u64>,
+    /// Compute the charts, too, and tell the patches after the splits they ask for and after edits, by the numbers that all other methods
+    /// use. Done in any case if the session has edits of patches.
+    #[prost(bool, tag = "3")]
+    pub with_charts: bool,
 }
 /// A finished partition.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -4965,6 +5042,15 @@ pub struct PartitionResult {
     /// The plane, if the strategy is PLANE: the one given, or the one found.
     #[prost(message, optional, tag = "5")]
     pub plane: ::core::option::Option<CutPlane>,
+    /// The compounds of regions.
+    #[prost(message, repeated, tag = "6")]
+    pub compounds: ::prost::alloc::vec::Vec<Compound>,
+    /// What became of the edits of patches, in the order they were made.
+    #[prost(message, repeated, tag = "7")]
+    pub edits: ::prost::alloc::vec::Vec<PatchEditState>,
+    /// Whether charts were computed, so that the patches have the numbers that all other methods use.
+    #[prost(bool, tag = "8")]
+    pub with_charts: bool,
 }
 /// Response of PartitionSurface: progress, then the result.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -5040,6 +5126,294 @@ pub mod read_patch_data_response {
         Chunk(super::DataChunk),
     }
 }
+/// Request of SplitPatch.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct SplitPatchRequest {
+    /// Required. `sessions/{id}`.
+    #[prost(string, tag = "1")]
+    pub session: ::prost::alloc::string::String,
+    /// The revision that the number was made for. Not set: whichever is current. ABORTED if the session is, or gets while this call is on, to
+    /// another one.
+    #[prost(uint64, optional, tag = "2")]
+    pub base_revision: ::core::option::Option<u64>,
+    /// Number of the patch.
+    #[prost(uint32, tag = "3")]
+    pub patch: u32,
+    /// How. Default: BALANCED.
+    #[prost(oneof = "split_patch_request::How", tags = "4, 5")]
+    pub how: ::core::option::Option<split_patch_request::How>,
+}
+/// Nested message and enum types in `SplitPatchRequest`.
+pub mod split_patch_request {
+    /// How. Default: BALANCED.
+    #[derive(Clone, Copy, PartialEq, ::prost::Oneof)]
+    pub enum How {
+        /// By a method.
+        #[prost(enumeration = "super::SplitMethod", tag = "4")]
+        Method(i32),
+        /// By a plane: faces go by their centroids; of each side all but the largest piece changes sides.
+        #[prost(message, tag = "5")]
+        Plane(super::CutPlane),
+    }
+}
+/// Response of SplitPatch.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct SplitPatchResponse {
+    /// The new revision.
+    #[prost(uint64, tag = "1")]
+    pub revision: u64,
+    /// The patches that the edit made or changed, by their new numbers.
+    #[prost(message, repeated, tag = "2")]
+    pub patches: ::prost::alloc::vec::Vec<PatchSummary>,
+    /// How many patches there are now.
+    #[prost(uint32, tag = "3")]
+    pub patch_count: u32,
+    /// How many of `patches` are there only because a patch that the edit made had no usable chart and was split again.
+    #[prost(uint32, tag = "4")]
+    pub split_again: u32,
+    /// What ran.
+    #[prost(message, optional, tag = "5")]
+    pub summary: ::core::option::Option<RunSummary>,
+}
+/// Request of MergePatches.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct MergePatchesRequest {
+    /// Required. `sessions/{id}`.
+    #[prost(string, tag = "1")]
+    pub session: ::prost::alloc::string::String,
+    /// As in SplitPatch.
+    #[prost(uint64, optional, tag = "2")]
+    pub base_revision: ::core::option::Option<u64>,
+    /// Numbers of two or more patches that hang together.
+    #[prost(uint32, repeated, tag = "3")]
+    pub patches: ::prost::alloc::vec::Vec<u32>,
+}
+/// Response of MergePatches.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct MergePatchesResponse {
+    /// The new revision.
+    #[prost(uint64, tag = "1")]
+    pub revision: u64,
+    /// As in SplitPatch.
+    #[prost(message, repeated, tag = "2")]
+    pub patches: ::prost::alloc::vec::Vec<PatchSummary>,
+    /// How many patches there are now.
+    #[prost(uint32, tag = "3")]
+    pub patch_count: u32,
+    /// As in SplitPatch.
+    #[prost(uint32, tag = "4")]
+    pub split_again: u32,
+    /// What ran.
+    #[prost(message, optional, tag = "5")]
+    pub summary: ::core::option::Option<RunSummary>,
+}
+/// Request of ReassignFaces.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct ReassignFacesRequest {
+    /// Required. `sessions/{id}`.
+    #[prost(string, tag = "1")]
+    pub session: ::prost::alloc::string::String,
+    /// As in SplitPatch.
+    #[prost(uint64, optional, tag = "2")]
+    pub base_revision: ::core::option::Option<u64>,
+    /// Required. The faces, u32 indices of the imported mesh. Those that are in the patch already stay there.
+    #[prost(message, optional, tag = "3")]
+    pub faces: ::core::option::Option<PackedArray>,
+    /// Number of the patch that gets them.
+    #[prost(uint32, tag = "4")]
+    pub patch: u32,
+}
+/// Response of ReassignFaces.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct ReassignFacesResponse {
+    /// The new revision.
+    #[prost(uint64, tag = "1")]
+    pub revision: u64,
+    /// As in SplitPatch.
+    #[prost(message, repeated, tag = "2")]
+    pub patches: ::prost::alloc::vec::Vec<PatchSummary>,
+    /// How many patches there are now.
+    #[prost(uint32, tag = "3")]
+    pub patch_count: u32,
+    /// As in SplitPatch.
+    #[prost(uint32, tag = "4")]
+    pub split_again: u32,
+    /// What ran.
+    #[prost(message, optional, tag = "5")]
+    pub summary: ::core::option::Option<RunSummary>,
+}
+/// Request of ResetPatches.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct ResetPatchesRequest {
+    /// Required. `sessions/{id}`.
+    #[prost(string, tag = "1")]
+    pub session: ::prost::alloc::string::String,
+    /// As in SplitPatch.
+    #[prost(uint64, optional, tag = "2")]
+    pub base_revision: ::core::option::Option<u64>,
+}
+/// Response of ResetPatches.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct ResetPatchesResponse {
+    /// The revision.
+    #[prost(uint64, tag = "1")]
+    pub revision: u64,
+    /// How many edits were taken back.
+    #[prost(uint32, tag = "2")]
+    pub edits: u32,
+}
+/// How a patch came about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum PatchOrigin {
+    /// Never sent.
+    Unspecified = 0,
+    /// By the strategy of the partition.
+    Strategy = 1,
+    /// Half of a patch that had no usable chart.
+    ChartSplit = 2,
+    /// Part of a patch that SplitPatch cut.
+    Split = 3,
+    /// Union of patches by MergePatches.
+    Merge = 4,
+    /// ReassignFaces moved faces in or out.
+    Reassigned = 5,
+}
+impl PatchOrigin {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "PATCH_ORIGIN_UNSPECIFIED",
+            Self::Strategy => "PATCH_ORIGIN_STRATEGY",
+            Self::ChartSplit => "PATCH_ORIGIN_CHART_SPLIT",
+            Self::Split => "PATCH_ORIGIN_SPLIT",
+            Self::Merge => "PATCH_ORIGIN_MERGE",
+            Self::Reassigned => "PATCH_ORIGIN_REASSIGNED",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "PATCH_ORIGIN_UNSPECIFIED" => Some(Self::Unspecified),
+            "PATCH_ORIGIN_STRATEGY" => Some(Self::Strategy),
+            "PATCH_ORIGIN_CHART_SPLIT" => Some(Self::ChartSplit),
+            "PATCH_ORIGIN_SPLIT" => Some(Self::Split),
+            "PATCH_ORIGIN_MERGE" => Some(Self::Merge),
+            "PATCH_ORIGIN_REASSIGNED" => Some(Self::Reassigned),
+            _ => None,
+        }
+    }
+}
+/// Why a region is in a compound.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum CompoundRule {
+    /// Never sent.
+    Unspecified = 0,
+    /// It is listed.
+    Listed = 1,
+    /// It meets another smoothly.
+    Angle = 2,
+    /// It or a neighbour is thin.
+    Size = 3,
+}
+impl CompoundRule {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "COMPOUND_RULE_UNSPECIFIED",
+            Self::Listed => "COMPOUND_RULE_LISTED",
+            Self::Angle => "COMPOUND_RULE_ANGLE",
+            Self::Size => "COMPOUND_RULE_SIZE",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "COMPOUND_RULE_UNSPECIFIED" => Some(Self::Unspecified),
+            "COMPOUND_RULE_LISTED" => Some(Self::Listed),
+            "COMPOUND_RULE_ANGLE" => Some(Self::Angle),
+            "COMPOUND_RULE_SIZE" => Some(Self::Size),
+            _ => None,
+        }
+    }
+}
+/// What an edit of patches does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum PatchEditKind {
+    /// Never sent.
+    Unspecified = 0,
+    /// SplitPatch.
+    Split = 1,
+    /// MergePatches.
+    Merge = 2,
+    /// ReassignFaces.
+    Reassign = 3,
+}
+impl PatchEditKind {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "PATCH_EDIT_KIND_UNSPECIFIED",
+            Self::Split => "PATCH_EDIT_KIND_SPLIT",
+            Self::Merge => "PATCH_EDIT_KIND_MERGE",
+            Self::Reassign => "PATCH_EDIT_KIND_REASSIGN",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "PATCH_EDIT_KIND_UNSPECIFIED" => Some(Self::Unspecified),
+            "PATCH_EDIT_KIND_SPLIT" => Some(Self::Split),
+            "PATCH_EDIT_KIND_MERGE" => Some(Self::Merge),
+            "PATCH_EDIT_KIND_REASSIGN" => Some(Self::Reassign),
+            _ => None,
+        }
+    }
+}
+/// How a patch is cut.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum SplitMethod {
+    /// SPLIT_METHOD_BALANCED.
+    Unspecified = 0,
+    /// Along a short cut, with about half of the area on either side.
+    Balanced = 1,
+    /// Through the centres of harmonic maps at many scales: long patches lengthwise.
+    Laplace = 2,
+}
+impl SplitMethod {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "SPLIT_METHOD_UNSPECIFIED",
+            Self::Balanced => "SPLIT_METHOD_BALANCED",
+            Self::Laplace => "SPLIT_METHOD_LAPLACE",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "SPLIT_METHOD_UNSPECIFIED" => Some(Self::Unspecified),
+            "SPLIT_METHOD_BALANCED" => Some(Self::Balanced),
+            "SPLIT_METHOD_LAPLACE" => Some(Self::Laplace),
+            _ => None,
+        }
+    }
+}
 /// Generated client implementations.
 pub mod partition_service_client {
     #![allow(
@@ -5051,7 +5425,10 @@ pub mod partition_service_client {
     )]
     use tonic::codegen::*;
     use tonic::codegen::http::Uri;
-    /// The partition of the surface into patches.
+    /// The partition of the surface into patches, and edits of single patches. An edit is of patches as they are after all splits that charts
+    /// ask for, by the numbers that ParametrizePatches and the answers to edits tell. It belongs to the faces of its patches: it holds when
+    /// patches are renumbered, and waits if another spec takes its patches away. It makes a revision, so a rollback undoes it; all other patches
+    /// stay cached. Patches that an edit makes are split like others if they have no usable chart.
     #[derive(Debug, Clone)]
     pub struct PartitionServiceClient<T> {
         inner: tonic::client::Grpc<T>,
@@ -5184,6 +5561,109 @@ pub mod partition_service_client {
                 .insert(GrpcMethod::new("remesh.v1.PartitionService", "ReadPatchData"));
             self.inner.server_streaming(req, path, codec).await
         }
+        /// Cuts a patch in two. Computes the charts of the former revision if they are not cached (a number is a patch only there), and those of
+        /// the new patches. FAILED_PRECONDITION with reason PATCH_TOPOLOGY for a patch that cannot be cut.
+        pub async fn split_patch(
+            &mut self,
+            request: impl tonic::IntoRequest<super::SplitPatchRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::SplitPatchResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.PartitionService/SplitPatch",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.PartitionService", "SplitPatch"));
+            self.inner.unary(req, path, codec).await
+        }
+        /// Makes one patch of several. Costs as SplitPatch. FAILED_PRECONDITION with reason PATCH_TOPOLOGY, and the places, if the union would not be
+        /// connected, has handles or no border, is more slender than `max_aspect_ratio`, or if feature edges close off a part of it.
+        pub async fn merge_patches(
+            &mut self,
+            request: impl tonic::IntoRequest<super::MergePatchesRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::MergePatchesResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.PartitionService/MergePatches",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.PartitionService", "MergePatches"));
+            self.inner.unary(req, path, codec).await
+        }
+        /// Moves faces to a patch. Costs as SplitPatch. FAILED_PRECONDITION with reason PATCH_TOPOLOGY, the patch and the places, if a patch that
+        /// loses or gets faces would not be one any more.
+        pub async fn reassign_faces(
+            &mut self,
+            request: impl tonic::IntoRequest<super::ReassignFacesRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::ReassignFacesResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.PartitionService/ReassignFaces",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.PartitionService", "ReassignFaces"));
+            self.inner.unary(req, path, codec).await
+        }
+        /// Takes all edits of patches back, also those that wait. Makes a revision, unless there are none. Single edits are undone by a rollback.
+        pub async fn reset_patches(
+            &mut self,
+            request: impl tonic::IntoRequest<super::ResetPatchesRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::ResetPatchesResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.PartitionService/ResetPatches",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.PartitionService", "ResetPatches"));
+            self.inner.unary(req, path, codec).await
+        }
     }
 }
 /// Generated server implementations.
@@ -5230,8 +5710,46 @@ pub mod partition_service_server {
             tonic::Response<Self::ReadPatchDataStream>,
             tonic::Status,
         >;
+        /// Cuts a patch in two. Computes the charts of the former revision if they are not cached (a number is a patch only there), and those of
+        /// the new patches. FAILED_PRECONDITION with reason PATCH_TOPOLOGY for a patch that cannot be cut.
+        async fn split_patch(
+            &self,
+            request: tonic::Request<super::SplitPatchRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::SplitPatchResponse>,
+            tonic::Status,
+        >;
+        /// Makes one patch of several. Costs as SplitPatch. FAILED_PRECONDITION with reason PATCH_TOPOLOGY, and the places, if the union would not be
+        /// connected, has handles or no border, is more slender than `max_aspect_ratio`, or if feature edges close off a part of it.
+        async fn merge_patches(
+            &self,
+            request: tonic::Request<super::MergePatchesRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::MergePatchesResponse>,
+            tonic::Status,
+        >;
+        /// Moves faces to a patch. Costs as SplitPatch. FAILED_PRECONDITION with reason PATCH_TOPOLOGY, the patch and the places, if a patch that
+        /// loses or gets faces would not be one any more.
+        async fn reassign_faces(
+            &self,
+            request: tonic::Request<super::ReassignFacesRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::ReassignFacesResponse>,
+            tonic::Status,
+        >;
+        /// Takes all edits of patches back, also those that wait. Makes a revision, unless there are none. Single edits are undone by a rollback.
+        async fn reset_patches(
+            &self,
+            request: tonic::Request<super::ResetPatchesRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::ResetPatchesResponse>,
+            tonic::Status,
+        >;
     }
-    /// The partition of the surface into patches.
+    /// The partition of the surface into patches, and edits of single patches. An edit is of patches as they are after all splits that charts
+    /// ask for, by the numbers that ParametrizePatches and the answers to edits tell. It belongs to the faces of its patches: it holds when
+    /// patches are renumbered, and waits if another spec takes its patches away. It makes a revision, so a rollback undoes it; all other patches
+    /// stay cached. Patches that an edit makes are split like others if they have no usable chart.
     #[derive(Debug)]
     pub struct PartitionServiceServer<T> {
         inner: Arc<T>,
@@ -5403,6 +5921,189 @@ pub mod partition_service_server {
                     };
                     Box::pin(fut)
                 }
+                "/remesh.v1.PartitionService/SplitPatch" => {
+                    #[allow(non_camel_case_types)]
+                    struct SplitPatchSvc<T: PartitionService>(pub Arc<T>);
+                    impl<
+                        T: PartitionService,
+                    > tonic::server::UnaryService<super::SplitPatchRequest>
+                    for SplitPatchSvc<T> {
+                        type Response = super::SplitPatchResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::SplitPatchRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as PartitionService>::split_patch(&inner, request).await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = SplitPatchSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/remesh.v1.PartitionService/MergePatches" => {
+                    #[allow(non_camel_case_types)]
+                    struct MergePatchesSvc<T: PartitionService>(pub Arc<T>);
+                    impl<
+                        T: PartitionService,
+                    > tonic::server::UnaryService<super::MergePatchesRequest>
+                    for MergePatchesSvc<T> {
+                        type Response = super::MergePatchesResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::MergePatchesRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as PartitionService>::merge_patches(&inner, request)
+                                    .await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = MergePatchesSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/remesh.v1.PartitionService/ReassignFaces" => {
+                    #[allow(non_camel_case_types)]
+                    struct ReassignFacesSvc<T: PartitionService>(pub Arc<T>);
+                    impl<
+                        T: PartitionService,
+                    > tonic::server::UnaryService<super::ReassignFacesRequest>
+                    for ReassignFacesSvc<T> {
+                        type Response = super::ReassignFacesResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::ReassignFacesRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as PartitionService>::reassign_faces(&inner, request)
+                                    .await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = ReassignFacesSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/remesh.v1.PartitionService/ResetPatches" => {
+                    #[allow(non_camel_case_types)]
+                    struct ResetPatchesSvc<T: PartitionService>(pub Arc<T>);
+                    impl<
+                        T: PartitionService,
+                    > tonic::server::UnaryService<super::ResetPatchesRequest>
+                    for ResetPatchesSvc<T> {
+                        type Response = super::ResetPatchesResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::ResetPatchesRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as PartitionService>::reset_patches(&inner, request)
+                                    .await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = ResetPatchesSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
                 _ => {
                     Box::pin(async move {
                         let mut response = http::Response::new(
@@ -5521,6 +6222,50 @@ pub struct FacePair {
     #[prost(uint32, tag = "2")]
     pub second: u32,
 }
+/// Elements of a part of a mesh.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct PartQuality {
+    /// Triangles.
+    #[prost(uint64, tag = "1")]
+    pub triangles: u64,
+    /// Smallest kappa; 1 without triangles.
+    #[prost(double, tag = "2")]
+    pub kappa_min: f64,
+    /// Mean kappa; 0 without triangles.
+    #[prost(double, tag = "3")]
+    pub kappa_mean: f64,
+    /// Share of the triangles with kappa below 0.5.
+    #[prost(double, tag = "4")]
+    pub below_half: f64,
+    /// Share of the triangles with kappa below 0.8.
+    #[prost(double, tag = "5")]
+    pub below_four_fifths: f64,
+    /// Efficiency index in percent over the edges of the part. Not set if it has none.
+    #[prost(double, optional, tag = "6")]
+    pub tau: ::core::option::Option<f64>,
+}
+/// Quality at seams (borders between patches that are no feature) and away from them. A face is at a seam if it touches a vertex of an edge
+/// whose two faces come from different patches.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct SeamSplit {
+    /// Faces at a seam, with their edges.
+    #[prost(message, optional, tag = "1")]
+    pub seam: ::core::option::Option<PartQuality>,
+    /// All other faces and edges.
+    #[prost(message, optional, tag = "2")]
+    pub interior: ::core::option::Option<PartQuality>,
+}
+/// The same before and after the optimisation, which moves or removes the vertices of seams: afterwards the patch of a face is that of the
+/// face it descends from, so that seams are known within about one element.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct SeamQuality {
+    /// Of the patch meshes as joined, each optimised inside already.
+    #[prost(message, optional, tag = "1")]
+    pub before: ::core::option::Option<SeamSplit>,
+    /// Of the result.
+    #[prost(message, optional, tag = "2")]
+    pub after: ::core::option::Option<SeamSplit>,
+}
 /// The quality report.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct QualityReport {
@@ -5551,6 +6296,9 @@ pub struct QualityReport {
     /// The worst faces by kappa, worst first, at most 20.
     #[prost(uint32, repeated, tag = "9")]
     pub worst_faces: ::prost::alloc::vec::Vec<u32>,
+    /// Elements at seams apart from the others; only for results of a session or of RemeshMesh.
+    #[prost(message, optional, tag = "10")]
+    pub seams: ::core::option::Option<SeamQuality>,
 }
 /// Request of GetQuality.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]

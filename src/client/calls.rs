@@ -111,12 +111,17 @@ impl Client {
         Ok(self.meshes().diagnose_mesh(request).await?.into_inner())
     }
 
-    /// Partitions the surface.
+    /// Partitions the surface; `with_charts` tells the patches after the splits that their charts ask for, and after edits.
     ///
     /// # Errors
     /// `NO_MESH`, and the refusal of a surface that cannot be remeshed, with places.
-    pub async fn partition(&self, session: &str, mut on_progress: impl FnMut(&v1::Progress)) -> Result<v1::PartitionResult> {
-        let request = v1::PartitionSurfaceRequest { session: session.to_owned(), expected_revision: None };
+    pub async fn partition(
+        &self,
+        session: &str,
+        with_charts: bool,
+        mut on_progress: impl FnMut(&v1::Progress),
+    ) -> Result<v1::PartitionResult> {
+        let request = v1::PartitionSurfaceRequest { session: session.to_owned(), expected_revision: None, with_charts };
         drive!(self.partitions().partition_surface(request).await?, partition_surface_response, on_progress)
     }
 

@@ -7,6 +7,7 @@ mod failure;
 mod files;
 mod inspect;
 mod json;
+mod patches;
 mod render;
 mod run;
 mod specs;
@@ -112,7 +113,7 @@ where
 /// Verbs that only make sense on a session that outlives the process.
 fn needs_daemon(command: &Command) -> bool {
     match command {
-        Command::Session(_) | Command::Import(_) | Command::Set(_) | Command::Partition(_) => true,
+        Command::Session(_) | Command::Import(_) | Command::Set(_) | Command::Partition(_) | Command::Patch(_) => true,
         Command::Chart(args) => args.verb.is_some() || args.all.target.as_deref().is_some_and(args::names_session),
         Command::Remesh(_) | Command::Plan(_) | Command::Export(_) | Command::Rollback(_) => true,
         Command::Quality(args) => args.session.is_some(),
@@ -145,7 +146,8 @@ async fn execute(context: &Context, command: &Command) -> Outcome<u8> {
         Command::Session(args) => answer(steps::session(context, &args.verb).await?),
         Command::Import(args) => done(steps::import(context, args).await?),
         Command::Set(args) => done(steps::set(context, args).await?),
-        Command::Partition(name) => answer(steps::partition(context, &name.session).await?),
+        Command::Partition(args) => answer(patches::partition(context, args).await?),
+        Command::Patch(args) => answer(patches::verb(context, &args.verb).await?),
         Command::Chart(args) => {
             let (report, code) = match &args.verb {
                 Some(verb) => charts::verb(context, verb).await?,

@@ -36,6 +36,7 @@ mod calls;
 mod charts;
 mod connection;
 mod error;
+mod patches;
 mod transfer;
 
 #[cfg(feature = "cli")]

@@ -59,6 +59,8 @@ impl Contents for Assembled {
 }
 
 /// Joins lifted patches: vertices with the same curve point become one. O(output).
+/// `topology` is that of the surface the curves were traced on, which may have been cut along them; `mesh` is the imported one, whose
+/// faces the maps of the patches name.
 /// `corners` are the corners of the features; ends of feature and boundary curves that are junctions are corners too.
 ///
 /// At sizes far above the width of a patch two patches may join the same two curve points by an edge across their inside, or have
@@ -74,7 +76,7 @@ pub fn assemble(
     curve_meshes: &[std::sync::Arc<CurveMesh>],
     patches: &[(std::sync::Arc<LiftedPatch>, &PatchMap)],
 ) -> Result<Assembled> {
-    let joint = CurveVertices::new(mesh, topology, corners, network, curve_meshes)?;
+    let joint = CurveVertices::new(topology, corners, network, curve_meshes)?;
     let mut out = Assembled {
         vertex_face: vec![NONE; joint.positions.len()],
         curve_vertices: joint.positions.len() as u32,
@@ -106,7 +108,6 @@ struct CurveVertices {
 impl CurveVertices {
     /// Points inside curves are their own; ends are shared by all curves that end at the same vertex of the surface.
     fn new(
-        mesh: &SurfaceMesh,
         topology: &Topology,
         corners: &[u32],
         network: &CurveNetwork,
@@ -116,7 +117,7 @@ impl CurveVertices {
             return Err(EngineError::invariant("curves and curve meshes differ in number"));
         }
         let class_of_end = end_classes(topology, corners, network);
-        let mut of_vertex = vec![NONE; mesh.positions.len()];
+        let mut of_vertex = vec![NONE; topology.vertex_count()];
         let mut out = CurveVertices { numbers: Vec::new(), positions: Vec::new(), classes: Vec::new() };
         for (curve, points) in network.curves.iter().zip(curve_meshes) {
             let (Some(&first), Some(&last)) = (curve.halfedges.first(), curve.halfedges.last()) else {

@@ -1,10 +1,14 @@
 //! Feature edges: sharp by angle, borders of regions, and edges the user names.
 
+mod border_graph;
 mod chains;
+mod compounds;
 mod corners;
 mod sharp;
 #[cfg(test)]
 mod tests;
+
+pub use compounds::{Compound, CompoundRule, CompoundSpec, Compounds};
 
 use crate::error::{EngineError, Result};
 use crate::fingerprint::{Contents, Feeder};
@@ -25,6 +29,8 @@ pub struct FeatureSpec {
     pub region_borders: RegionBorders,
     /// Edges named by their two vertex indices (of the imported mesh).
     pub explicit_edges: Vec<[u32; 2]>,
+    /// Regions that are parametrized as one.
+    pub compounds: CompoundSpec,
 }
 
 /// What a border between two regions is.
@@ -43,6 +49,7 @@ impl Default for FeatureSpec {
             min_chain_share: 0.02,
             region_borders: RegionBorders::Keep,
             explicit_edges: Vec::new(),
+            compounds: CompoundSpec::default(),
         }
     }
 }
@@ -54,6 +61,8 @@ pub struct Features {
     pub is_feature: Vec<bool>,
     /// Vertices where a feature or boundary curve must not be rounded: ends, junctions and sharp turns. Sorted.
     pub corners: Vec<u32>,
+    /// Regions that are parametrized as one. No part of the fingerprint.
+    pub compounds: Compounds,
 }
 
 impl Contents for Features {
@@ -63,7 +72,7 @@ impl Contents for Features {
     }
 
     fn bytes(&self) -> usize {
-        self.is_feature.len() + self.corners.len() * 4
+        self.is_feature.len() + self.corners.len() * 4 + self.compounds.group.len() * 8
     }
 }
 
@@ -84,8 +93,8 @@ enum Mark {
 /// make an edge sharp. Sharp branches that end freely and sharp components are dropped below `min_chain_share`.
 ///
 /// # Errors
-/// [`crate::error::Reason::BadParameter`] for an angle outside (0, 180), a negative `min_chain_share` or an explicit edge that is not an
-/// edge of the mesh.
+/// [`crate::error::Reason::BadParameter`] for an angle outside (0, 180), a negative `min_chain_share`, an explicit edge that is not an
+/// edge of the mesh, or compounds of unknown, repeated or scattered regions (with locations).
 pub fn detect_features(mesh: &SurfaceMesh, topology: &Topology, spec: &FeatureSpec, work: &Work<'_>) -> Result<Features> {
     if spec.feature_angle_deg.is_some_and(|a| !(a > 0.0 && a < 180.0)) {
         return Err(EngineError::bad_parameter("feature_angle", "must lie between 0 and 180 degrees"));
@@ -93,14 +102,22 @@ pub fn detect_features(mesh: &SurfaceMesh, topology: &Topology, spec: &FeatureSp
     if !(spec.min_chain_share >= 0.0 && spec.min_chain_share.is_finite()) {
         return Err(EngineError::bad_parameter("min_chain_share", "must be a finite number, 0 or more"));
     }
+    compounds::check_spec(&spec.compounds)?;
+    let merging = !compounds::is_empty(&spec.compounds);
+    let needs_normals = spec.feature_angle_deg.is_some() || merging;
+    let normals = if needs_normals { sharp::reference_normals(mesh, topology, work)? } else { Vec::new() };
+    let compounds = match merging {
+        true => compounds::find_compounds(mesh, topology, &normals, &spec.compounds, work)?,
+        false => Compounds::none(mesh.regions.len()),
+    };
     let mut marks = vec![Mark::None; topology.halfedge_count()];
     if spec.region_borders == RegionBorders::Keep {
-        mark_region_borders(mesh, topology, &mut marks);
+        mark_region_borders(mesh, topology, &compounds, &mut marks);
     }
     mark_explicit(mesh, topology, &spec.explicit_edges, &mut marks)?;
     if let Some(angle) = spec.feature_angle_deg {
-        let normals = sharp::reference_normals(mesh, topology, work)?;
         sharp::mark_sharp(topology, &normals, angle.to_radians(), &mut marks, work)?;
+        clear_inside_compounds(mesh, topology, &compounds, &mut marks);
         let shortest = spec.min_chain_share * bounding_diagonal(&mesh.positions);
         if shortest > 0.0 {
             chains::drop_noise(mesh, topology, &normals, shortest, &mut marks, work)?;
@@ -108,7 +125,7 @@ pub fn detect_features(mesh: &SurfaceMesh, topology: &Topology, spec: &FeatureSp
     }
     let is_feature: Vec<bool> = marks.iter().map(|&m| m != Mark::None).collect();
     let corners = corners::find_corners(mesh, topology, &is_feature, work)?;
-    Ok(Features { is_feature, corners })
+    Ok(Features { is_feature, corners, compounds })
 }
 
 /// Marks both halves of an interior edge; boundary edges are left alone.
@@ -119,12 +136,27 @@ fn set_mark(topology: &Topology, marks: &mut [Mark], h: u32, mark: Mark) {
     }
 }
 
-fn mark_region_borders(mesh: &SurfaceMesh, topology: &Topology, marks: &mut [Mark]) {
+/// Regions on both sides of an interior edge.
+fn regions_beside(mesh: &SurfaceMesh, topology: &Topology, h: u32) -> Option<[u32; 2]> {
+    topology.twin(h).map(|t| [h, t].map(|x| mesh.face_region[topology.face(x) as usize]))
+}
+
+fn mark_region_borders(mesh: &SurfaceMesh, topology: &Topology, compounds: &Compounds, marks: &mut [Mark]) {
     for h in 0..topology.halfedge_count() as u32 {
-        if let Some(t) = topology.twin(h)
-            && mesh.face_region[topology.face(h) as usize] != mesh.face_region[topology.face(t) as usize]
-        {
+        if regions_beside(mesh, topology, h).is_some_and(|[a, b]| a != b && !compounds.joins(a, b)) {
             marks[h as usize] = Mark::Given;
+        }
+    }
+}
+
+/// Takes sharp marks between two regions of a compound back.
+fn clear_inside_compounds(mesh: &SurfaceMesh, topology: &Topology, compounds: &Compounds, marks: &mut [Mark]) {
+    if compounds.list.is_empty() {
+        return;
+    }
+    for h in 0..topology.halfedge_count() as u32 {
+        if marks[h as usize] == Mark::Sharp && regions_beside(mesh, topology, h).is_some_and(|[a, b]| compounds.joins(a, b)) {
+            marks[h as usize] = Mark::None;
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Geometry, numerics, stage graph and sessions of remeshd. No sockets, no async runtime, no protocol types.
 //!
-//! The pipeline, in order: [`import`] -> [`topology`] -> [`features`] -> [`partition`] -> [`curve`] and [`patch`] ->
+//! The pipeline, in order: [`import`] -> [`topology`] -> [`features`] -> [`partition`] -> [`cut`] -> [`curve`] and [`patch`] ->
 //! [`parametrize`] -> [`sizing`] -> [`planar`] -> [`assemble`] -> [`optimize`] -> [`quality`].
 //! Every step is a pure function over plain data; [`stage`] ties the functions to cache keys and [`session`] holds inputs.
 
@@ -23,6 +23,7 @@ pub mod bvh;
 pub mod topology;
 
 pub mod curve;
+pub mod cut;
 pub mod features;
 pub mod partition;
 pub mod patch;
@@ -35,6 +36,7 @@ pub mod assemble;
 pub mod optimize;
 pub mod quads;
 pub mod quality;
+pub mod regions;
 
 pub mod engine;
 pub mod pipeline;

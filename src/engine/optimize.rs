@@ -7,6 +7,7 @@ mod chase;
 pub(crate) mod input;
 mod interior;
 mod kernel;
+mod rescue;
 mod rounds;
 mod sag;
 mod state;
@@ -24,6 +25,7 @@ use crate::work::Work;
 use activity::{Activity, FIRST_SWEEP};
 use input::{Input, Tree};
 use kernel::Kernel;
+use rescue::Effort;
 use rounds::FlipGoal;
 use state::{Curves, State};
 use std::cell::OnceCell;
@@ -33,13 +35,13 @@ use std::cell::OnceCell;
 pub struct OptimizeSpec {
     /// Rounds of split, collapse, flip and smoothing over the whole mesh; 0 leaves the assembled mesh as it is.
     pub rounds: u32,
-    /// Triangles below this kappa are chased one by one afterwards.
+    /// Triangles below this kappa are chased one by one afterwards, those that resist by trying what makes things worse at first.
     pub min_kappa: f64,
 }
 
 impl Default for OptimizeSpec {
     fn default() -> Self {
-        OptimizeSpec { rounds: 5, min_kappa: 0.5 }
+        OptimizeSpec { rounds: 5, min_kappa: 0.7 }
     }
 }
 
@@ -56,6 +58,8 @@ pub struct Remeshed {
     pub crossing_faces: Option<u32>,
     /// Number of quadrangles: for `q` below it faces `2 q` = (a, b, c) and `2 q + 1` = (a, c, d) are the halves of quadrangle (a, b, c, d).
     pub quads: u32,
+    /// Regions of the input (indices, increasing) without a face in the result; filled in after the optimisation.
+    pub lost_regions: Vec<u32>,
 }
 
 impl Contents for Remeshed {
@@ -104,7 +108,8 @@ pub fn optimize_surface(
         Interiors::Raw => Activity::new(mesh.vertex_slots() as usize),
         Interiors::Optimized => Activity::around(mesh, 0..assembled.curve_vertices, SEAM_RINGS),
     };
-    let mut state = State::new(Input::new(input, Tree::Made(bvh), sizes), assembled, Curves::Flexible, activity)?;
+    let surface = Input::new(input, Tree::Made(bvh), sizes);
+    let mut state = State::new(&surface, assembled, Curves::Flexible, activity)?;
     let mut crossing = None;
     if spec.rounds > 0 {
         size_rounds(&mut state, spec.rounds, work)?;
@@ -114,6 +119,7 @@ pub fn optimize_surface(
         if capture::capture(&mut state, work)? > 0 {
             chase::chase(&mut state, spec.min_kappa, work)?;
         }
+        rescue::rescue(&mut state, spec.min_kappa, Effort::Whole, work)?;
         crossing = Some(untangle::untangle(&mut state, work)? as u32);
     }
     Ok(Remeshed { crossing_faces: crossing, ..finish(input, &state) })
@@ -169,10 +175,12 @@ pub fn optimize_patch(
     let mesh = interior::as_assembled(lifted);
     check(&input, &mesh, &sizes)?;
     let all = |mesh: &Kernel| Activity::new(mesh.vertex_slots() as usize);
-    let mut state = State::new(Input::new(&input, Tree::Lazy(OnceCell::new()), &sizes), &mesh, Curves::Held, all)?;
+    let surface = Input::new(&input, Tree::Lazy(OnceCell::new()), &sizes);
+    let mut state = State::new(&surface, &mesh, Curves::Held, all)?;
     size_rounds(&mut state, spec.rounds, work)?;
     shape_rounds(&mut state, work)?;
     chase::chase(&mut state, spec.min_kappa, work)?;
+    rescue::rescue(&mut state, spec.min_kappa, Effort::Inside, work)?;
     Ok(interior::as_lifted(&state, lifted))
 }
 

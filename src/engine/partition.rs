@@ -1,16 +1,20 @@
 //! Partition of a surface into patches of genus 0 with a boundary (P2 eq. 5), by one of several strategies.
 
 mod aspect;
+mod auto;
 mod bisect;
 mod cuts;
 mod depth;
 mod divide;
+mod edit;
 mod graph;
 mod handles;
 mod homology;
 mod laplace;
 mod max_cut;
 mod merge;
+mod nearest;
+mod pants;
 mod plane;
 mod smooth;
 mod straighten;
@@ -20,7 +24,8 @@ mod surface;
 mod tests;
 mod two_way;
 
-pub use aspect::{OrientedBox, smallest_box};
+pub use aspect::{OrientedBox, box_aspect_ratio, smallest_box};
+pub use edit::{EditState, Ground, PatchEdit, PatchRequest, SplitMethod, apply_edits, edit_partition, name_edit, patch_identities};
 pub use strategy::{BorderSmoothing, PartitionStrategy, Plane};
 pub use two_way::{TwoWayCut, Verdict, cut_in_two};
 
@@ -32,7 +37,7 @@ use crate::topology::Topology;
 use crate::work::Work;
 use divide::Divider;
 use merge::Goal;
-use surface::{Limits, Surface, measure};
+use surface::{Limits, Scratch, Surface, measure};
 
 /// How to partition.
 #[derive(Debug, Clone, PartialEq)]
@@ -77,8 +82,24 @@ pub struct PatchSummary {
     pub border_length: f64,
     /// eta = pi A / L^2 with L the longest loop.
     pub aspect_ratio: f64,
-    /// Lower bound of eta: longest side of the oriented box of the patch over that of its longest loop (P2 section 2). Not limited.
-    pub box_aspect_ratio: f64,
+    /// How it came about.
+    pub origin: PatchOrigin,
+}
+
+/// How a patch came about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum PatchOrigin {
+    /// By the strategy of the partition.
+    #[default]
+    Strategy,
+    /// Half of a patch that had no usable chart.
+    ChartSplit,
+    /// Part of a patch that the user split.
+    Split,
+    /// Union of patches that the user merged.
+    Merge,
+    /// The user moved faces in or out.
+    Reassigned,
 }
 
 /// A patch number for each face. Patches are connected, of genus 0 and have at least one boundary loop; no feature edge that
@@ -93,6 +114,8 @@ pub struct Partition {
     pub strategy: PartitionStrategy,
     /// Why this strategy, one sentence. No part of the fingerprint.
     pub reason: String,
+    /// What became of the edits that [`apply_edits`] looked at. No part of the fingerprint.
+    pub edits: Vec<EditState>,
 }
 
 impl Contents for Partition {
@@ -128,10 +151,16 @@ fn multilevel(surface: &Surface<'_>, spec: &PartitionSpec, work: &Work<'_>) -> R
     complete(surface, face_groups(surface), Limits::new(spec), spec, work)
 }
 
-/// Divides connected sets of faces as far as `limits` ask for, merges what may be merged and smooths the borders.
-fn complete(surface: &Surface<'_>, sets: Vec<Vec<u32>>, limits: Limits, spec: &PartitionSpec, work: &Work<'_>) -> Result<Partition> {
+/// Divides connected sets of faces as far as `limits` ask for: a label for each face.
+fn divided(
+    surface: &Surface<'_>,
+    sets: Vec<Vec<u32>>,
+    limits: Limits,
+    spec: &PartitionSpec,
+    work: &Work<'_>,
+) -> Result<(Vec<u32>, Scratch)> {
     let faces = surface.topology.face_count();
-    let wanted = spec.patches.map_or(f64::INFINITY, |k| faces as f64 / f64::from(k));
+    let wanted = wanted_faces(surface, spec);
     let mut divider = Divider::new(surface, limits, f64::from(spec.max_patch_faces).min(PLAN_SLACK * wanted).max(1.0));
     let mut done = 0;
     for set in sets {
@@ -139,7 +168,18 @@ fn complete(surface: &Surface<'_>, sets: Vec<Vec<u32>>, limits: Limits, spec: &P
         divider.divide(set, work)?;
         work.step(done, 2 * faces)?;
     }
-    let Divider { mut label, mut scratch, .. } = divider;
+    Ok((divider.label, divider.scratch))
+}
+
+/// Faces of a patch if there are as many patches as wanted; infinite if no number is.
+fn wanted_faces(surface: &Surface<'_>, spec: &PartitionSpec) -> f64 {
+    spec.patches.map_or(f64::INFINITY, |k| surface.topology.face_count() as f64 / f64::from(k))
+}
+
+/// Divides connected sets of faces as far as `limits` ask for, merges what may be merged and smooths the borders.
+fn complete(surface: &Surface<'_>, sets: Vec<Vec<u32>>, limits: Limits, spec: &PartitionSpec, work: &Work<'_>) -> Result<Partition> {
+    let (mut label, mut scratch) = divided(surface, sets, limits, spec, work)?;
+    let wanted = wanted_faces(surface, spec);
     let goal = Goal { patches: spec.patches, planned_faces: (MERGE_SLACK * wanted).min(f64::from(u32::MAX)) as u32, limits };
     // Smooth borders merge better, and merged patches have new borders to smooth.
     for _ in 0..2 {
@@ -147,7 +187,7 @@ fn complete(surface: &Surface<'_>, sets: Vec<Vec<u32>>, limits: Limits, spec: &P
         merge::merge_patches(surface, &mut label, &goal, &mut scratch, work)?;
     }
     smooth::smooth_borders(surface, &mut label, limits, work)?;
-    if spec.borders == BorderSmoothing::Shortest {
+    if spec.borders != BorderSmoothing::Vote {
         straighten::straighten_borders(surface, &mut label, limits, work)?;
     }
     finish(surface, label, limits, work)
@@ -264,10 +304,35 @@ fn finish(surface: &Surface<'_>, mut label: Vec<u32>, limits: Limits, work: &Wor
             )
             .with_locations(faces.iter().map(|&f| surface.mesh.face_location(f as usize))));
         }
-        let box_aspect_ratio = aspect::by_boxes(surface, &label, faces, &piece, &mut scratch);
-        patches.push(PatchSummary { box_aspect_ratio, ..piece.summary() });
+        patches.push(piece.summary());
     }
     Ok(Partition { face_patch: label, patches, ..Partition::default() })
+}
+
+/// Lower bound of eta of every patch: longest side of the oriented box of the patch over that of its longest loop (P2 section 2). Limited
+/// by nothing, so it is no part of a [`Partition`]; it costs about a tenth of one.
+///
+/// # Errors
+/// Those of `work`.
+pub fn box_aspect_ratios(mesh: &SurfaceMesh, topology: &Topology, partition: &Partition, work: &Work<'_>) -> Result<Vec<f64>> {
+    let label = &partition.face_patch;
+    if label.len() != topology.face_count() || mesh.triangles.len() != label.len() {
+        return Err(EngineError::invariant("the partition is not of this surface"));
+    }
+    let mut scratch = Scratch::new(topology);
+    let ratio = |faces: Vec<u32>| {
+        work.check()?;
+        Ok(aspect::by_boxes(mesh, topology, label, &faces, &mut scratch))
+    };
+    faces_by_patch(label).into_iter().map(ratio).collect()
+}
+
+/// Measures the patches of given labels, one after another; nothing is checked. O(F).
+pub fn summarize_patches(mesh: &SurfaceMesh, topology: &Topology, features: &Features, face_patch: &[u32]) -> Vec<PatchSummary> {
+    let surface = Surface::new(mesh, topology, features);
+    let mut scratch = Scratch::new(topology);
+    let summary = |(p, faces): (usize, &Vec<u32>)| measure(&surface, face_patch, faces, p as u32, &mut scratch).summary();
+    faces_by_patch(face_patch).iter().enumerate().map(summary).collect()
 }
 
 /// Splits the listed patches in two (those whose chart failed) and leaves all others' face sets as they are. A patch listed
@@ -289,8 +354,7 @@ pub fn split_patches(
     }
     let surface = Surface::new(mesh, topology, features);
     let all = faces_by_patch(&partition.face_patch);
-    let limits = Limits { faces: u32::MAX, loops: u32::MAX, aspect_ratio: f64::INFINITY };
-    let mut divider = Divider::new(&surface, limits, f64::from(u32::MAX));
+    let mut divider = Divider::new(&surface, edit::NO_LIMITS, f64::from(u32::MAX));
     divider.label.clone_from(&partition.face_patch);
     divider.next_label = all.len() as u32;
     let mut listed: Vec<u32> = split.to_vec();
@@ -309,5 +373,14 @@ pub fn split_patches(
         divider.name(&second);
     }
     let (strategy, reason) = (partition.strategy, partition.reason.clone());
-    Ok(Partition { strategy, reason, ..finish(&surface, divider.label, limits, work)? })
+    let mut after = finish(&surface, divider.label, edit::NO_LIMITS, work)?;
+    let mut lowest = vec![None; after.patches.len()];
+    for (f, &p) in after.face_patch.iter().enumerate() {
+        lowest[p as usize].get_or_insert(partition.face_patch[f]);
+    }
+    for (patch, before) in after.patches.iter_mut().zip(lowest) {
+        let kept = before.filter(|p| listed.binary_search(p).is_err()).and_then(|p| partition.patches.get(p as usize));
+        patch.origin = kept.map_or(PatchOrigin::ChartSplit, |before| before.origin);
+    }
+    Ok(Partition { strategy, reason, ..after })
 }

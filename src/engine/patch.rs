@@ -1,9 +1,9 @@
 //! One patch as a mesh of its own, in local numbers, so that its fingerprint depends on nothing but its content.
 
 use crate::error::{EngineError, Result};
-use crate::fingerprint::{Contents, Feeder, Fingerprint};
+use crate::fingerprint::{Contents, Feeder};
 use crate::mesh::SurfaceMesh;
-use crate::partition::Partition;
+use crate::partition::{Partition, box_aspect_ratio};
 use crate::topology::Topology;
 use crate::vector::{Vec3, distance};
 
@@ -18,23 +18,24 @@ pub struct Patch {
     pub loops: Vec<Vec<u32>>,
 }
 
-/// Where the local elements of a patch are in the surface.
+/// Where the local elements of a patch are in the surface. On a surface that was cut along its borders, splits have made vertices that the
+/// imported mesh does not have; they are numbered after its own.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct PatchMap {
     /// Global vertex of each local vertex. A global vertex occurs twice if the patch touches itself there.
     pub vertices: Vec<u32>,
-    /// Global face of each local face, increasing.
+    /// Imported vertex that names each local vertex: the same, but for a vertex that a split has made the nearer end of its edge.
+    pub named: Vec<u32>,
+    /// Imported face of each local face. Increasing, but for faces that splits have made, which follow.
     pub faces: Vec<u32>,
 }
 
-impl PatchMap {
-    /// Which patch of the surface this is: the fingerprint of its faces as triples of global vertices. Independent of the number of
-    /// the patch, of other patches and of where vertices are. O(faces).
-    pub fn identity(&self, patch: &Patch) -> Fingerprint {
-        let faces: Vec<[u32; 3]> = patch.triangles.iter().map(|t| t.map(|v| self.vertices[v as usize])).collect();
-        let mut feeder = Feeder::new();
-        feeder.tuples(&faces);
-        feeder.finish()
+impl Patch {
+    /// Lower bound of eta: longest side of the oriented box over that of the longest loop (P2 section 2). O(vertices).
+    pub fn box_aspect_ratio(&self) -> f64 {
+        let ring = self.loops.first().map_or(&[][..], |ring| ring);
+        let ring: Vec<Vec3> = ring.iter().map(|&v| self.positions[v as usize]).collect();
+        box_aspect_ratio(&self.positions, &ring)
     }
 }
 
@@ -72,6 +73,7 @@ pub fn extract_patches(mesh: &SurfaceMesh, topology: &Topology, partition: &Part
     if let Some(p) = out.iter().position(|(patch, _)| patch.loops.is_empty()) {
         return Err(EngineError::invariant(format!("patch {p} is empty or closed")));
     }
+    out.iter_mut().for_each(|(_, map)| map.named.clone_from(&map.vertices));
     Ok(out)
 }
 

@@ -10,13 +10,16 @@ mod patch_set;
 pub use context::{Event, Progress, Run};
 pub use patch_set::PatchSet;
 
+use crate::assemble::Assembled;
+use crate::cut::CutSurface;
 use crate::engine::Engine;
 use crate::error::{EngineError, Reason, Result};
 use crate::features::Features;
 use crate::import::{ImportOptions, Imported};
+use crate::mesh::SurfaceMesh;
 use crate::optimize::Remeshed;
 use crate::parametrize::{Chart, ChartAttempt, ChartOutcome, ChartSpec, Distortion};
-use crate::partition::Partition;
+use crate::partition::{EditState, Ground, Partition, PatchEdit, PatchRequest, PatchSummary, box_aspect_ratios, edit_partition, name_edit};
 use crate::planar::LiftedPatch;
 use crate::quality::{QualityReport, QualityScope};
 use crate::session::{MeshSource, Snapshot};
@@ -24,7 +27,9 @@ use crate::sizing::{SizeField, SizeSpec};
 use crate::stage::{StageRecord, Stored};
 use crate::topology::Topology;
 use crate::vector::Vec2;
+use crate::work::Work;
 use context::Context;
+use std::collections::BTreeSet;
 
 /// A result with what it took.
 #[derive(Debug, Clone)]
@@ -44,6 +49,38 @@ pub struct Surface {
     pub topology: Stored<Topology>,
 }
 
+/// A partitioned surface, before charts.
+#[derive(Debug, Clone)]
+pub struct Partitioned {
+    /// The surface.
+    pub surface: Surface,
+    /// Its features.
+    pub features: Stored<Features>,
+    /// The partition.
+    pub partition: Stored<Partition>,
+    /// The surface split along it, if its borders are to be straight.
+    pub cut: Option<Stored<CutSurface>>,
+}
+
+impl Partitioned {
+    /// The patches as they are mapped.
+    pub fn summaries(&self) -> &[PatchSummary] {
+        self.cut.as_ref().map_or(&self.partition.patches, |cut| &cut.partition.patches)
+    }
+
+    /// Aspect ratio of each patch by oriented boxes.
+    ///
+    /// # Errors
+    /// Cancellation.
+    pub fn box_aspect_ratios(&self, run: &Run<'_>) -> Result<Vec<f64>> {
+        let work = Work::silent(run.cancel);
+        match &self.cut {
+            Some(cut) => box_aspect_ratios(&cut.mesh, &cut.topology, &cut.partition, &work),
+            None => box_aspect_ratios(&self.surface.imported.mesh, &self.surface.topology, &self.partition, &work),
+        }
+    }
+}
+
 /// A partitioned surface with a chart for every patch.
 #[derive(Debug, Clone)]
 pub struct Charts {
@@ -53,12 +90,16 @@ pub struct Charts {
     pub features: Stored<Features>,
     /// The partition all of whose patches have a chart.
     pub partition: Stored<Partition>,
+    /// The surface split along straight borders, if they were asked for: what the patches are cut out of.
+    pub cut: Option<Stored<CutSurface>>,
     /// The patches.
     pub patches: Stored<PatchSet>,
     /// Outcome of each patch; all are mapped.
     pub charts: Vec<Stored<ChartOutcome>>,
     /// How many patches had to be split because no chart of theirs was usable.
     pub resplit: u32,
+    /// What became of the edits of patches, in the order of the session's log.
+    pub edits: Vec<EditState>,
 }
 
 /// A partitioned surface, some of whose patches may have a specification that gives no chart.
@@ -70,15 +111,24 @@ pub struct Layout {
     pub features: Stored<Features>,
     /// The partition: its patches have a chart or a specification that gives none.
     pub partition: Stored<Partition>,
+    /// The surface split along straight borders, if they were asked for: what the patches are cut out of.
+    pub cut: Option<Stored<CutSurface>>,
     /// The patches.
     pub patches: Stored<PatchSet>,
     /// Chart of each patch (mapped), or what is wrong with its specification.
     pub charts: Vec<Result<Stored<ChartOutcome>>>,
     /// How many patches had to be split because no chart of theirs was usable.
     pub resplit: u32,
+    /// What became of the edits of patches, in the order of the session's log.
+    pub edits: Vec<EditState>,
 }
 
 impl Layout {
+    /// The patches as they are mapped: with straight borders their numbers are those of the split surface.
+    pub fn summaries(&self) -> &[PatchSummary] {
+        self.cut.as_ref().map_or(&self.partition.patches, |cut| &cut.partition.patches)
+    }
+
     /// # Errors
     /// [`Reason::PatchNotFound`] for a number that no patch has.
     pub fn check_patch(&self, patch: u32) -> Result<usize> {
@@ -96,6 +146,19 @@ impl Layout {
             None => SpecOf::Session(&snapshot.chart),
         }
     }
+}
+
+/// What an edit of patches makes.
+#[derive(Debug, Clone)]
+pub struct EditedPatches {
+    /// The edit, for [`crate::session::Change::PatchEdit`].
+    pub edit: PatchEdit,
+    /// The partition after it, with charts.
+    pub layout: Layout,
+    /// Numbers in it of the patches that the edit made or changed, increasing.
+    pub patches: Vec<u32>,
+    /// How many of these are halves more than the edit asked for, since a patch that it made had no usable chart.
+    pub split_again: u32,
 }
 
 /// Whose chart specification a patch follows.
@@ -132,6 +195,14 @@ pub enum ChartVerdict {
 }
 
 impl Charts {
+    /// The surface that the patches are cut out of: the imported one, or that split along straight borders.
+    pub fn ground(&self) -> (&SurfaceMesh, &Topology) {
+        match &self.cut {
+            Some(cut) => (&cut.mesh, &cut.topology),
+            None => (&self.surface.imported.mesh, &self.surface.topology),
+        }
+    }
+
     /// The chart of a patch.
     pub fn chart(&self, patch: usize) -> Option<&Chart> {
         match &*self.charts.get(patch)?.value {
@@ -148,6 +219,8 @@ pub struct Remesh {
     pub charts: Charts,
     /// Wanted sizes.
     pub sizes: Stored<SizeField>,
+    /// The mesh before the optimisation.
+    pub assembled: Stored<Assembled>,
     /// The finished mesh.
     pub result: Stored<Remeshed>,
 }
@@ -156,6 +229,20 @@ impl Remesh {
     /// What a user should know of the result, one sentence each; empty if all is well.
     pub fn warnings(&self, snapshot: &Snapshot) -> Vec<String> {
         let mut warnings = Vec::new();
+        if !self.result.lost_regions.is_empty() {
+            let regions = &self.result.mesh.regions;
+            let named: Vec<String> = self.result.lost_regions.iter().take(20).map(|&r| regions[r as usize].id.to_string()).collect();
+            let more = if self.result.lost_regions.len() > 20 { ", ..." } else { "" };
+            warnings.push(format!(
+                "{} regions are smaller than an element and have no face in the result: {}{more}",
+                self.result.lost_regions.len(),
+                named.join(", ")
+            ));
+        }
+        let waiting = self.charts.edits.iter().filter(|e| matches!(e, EditState::Waiting(_))).count();
+        if waiting > 0 {
+            warnings.push(format!("{waiting} edits of patches wait: the patches they edit are not in the partition"));
+        }
         if let Some(count) = self.result.crossing_faces.filter(|&count| count > 0) {
             warnings.push(format!("{count} faces of the result intersect others; a smaller size follows narrow places more closely"));
         }
@@ -187,15 +274,39 @@ pub fn surface(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<An
     Context::execute(engine, run, |context| graph::surface_step(context, snapshot))
 }
 
-/// Partitions the surface (before any split that charts ask for).
+/// Partitions the surface (before any split that charts ask for, and before any edit of patches). With straight borders the numbers of
+/// the patches are those of the surface split along them.
 ///
 /// # Errors
 /// Those of [`surface`], [`detect_features`] and [`partition_surface`].
-pub fn partition(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Answer<Stored<Partition>>> {
+pub fn partition(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Answer<Partitioned>> {
+    Context::execute(engine, run, |context| graph::partitioned_step(context, snapshot))
+}
+
+/// Edits patches: what the session would be with one more edit. Changes nothing; if the session takes the edit over, its charts are
+/// cache hits.
+///
+/// # Errors
+/// Those of [`layout`] and [`edit_partition`] (in the numbers of `snapshot`); [`Reason::LimitReached`].
+pub fn edit_patches(engine: &Engine, snapshot: &Snapshot, request: &PatchRequest, run: &Run<'_>) -> Result<Answer<EditedPatches>> {
     Context::execute(engine, run, |context| {
-        let surface = graph::surface_step(context, snapshot)?;
-        let features = graph::features_step(context, snapshot, &surface)?;
-        graph::partition_step(context, snapshot, &surface, &features)
+        let before = graph::layout_step(context, snapshot)?;
+        let edit = name_edit(&before.partition, &before.patches.identities, request)?;
+        let ground = Ground { mesh: &before.surface.imported.mesh, topology: &before.surface.topology, features: &before.features };
+        let work = Work::silent(run.cancel);
+        let alone = edit_partition(ground, &before.partition, request, snapshot.partition.max_aspect_ratio, &work)?;
+        let next = snapshot.with_patch_edit(edit.clone())?;
+        let layout = graph::layout_step(context, &next)?;
+        if let Some(EditState::Waiting(why)) = layout.edits.last() {
+            return Err(EngineError::invariant(format!("an edit that is valid waits: {why}")).into());
+        }
+        // Patches that are not as they were: those of faces whose patch before was touched.
+        let touched: BTreeSet<_> = edit.patches().into_iter().collect();
+        let changed = |f: usize| touched.contains(&before.patches.identities[before.partition.face_patch[f] as usize]);
+        let label = &layout.partition.face_patch;
+        let patches: BTreeSet<u32> = (0..label.len()).filter(|&f| changed(f)).map(|f| label[f]).collect();
+        let split_again = (layout.partition.patches.len() - alone.patches.len().min(layout.partition.patches.len())) as u32;
+        Ok(EditedPatches { edit, layout, patches: patches.into_iter().collect(), split_again })
     })
 }
 

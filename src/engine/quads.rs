@@ -82,6 +82,7 @@ pub fn make_quads(input: QuadInput<'_>, base: &Remeshed, sizes: &SizeField, kind
     crossing.sort_unstable();
     crossing.dedup();
     out.crossing_faces = Some(crossing.len() as u32);
+    out.lost_regions = base.lost_regions.clone();
     Ok(out)
 }
 
@@ -124,9 +125,24 @@ fn from_triangles(input: &QuadInput<'_>, base: &Remeshed) -> Result<Mixed> {
         let hit = input.tree.closest(*p).ok_or_else(|| EngineError::invariant("the search tree is empty"))?;
         mixed.below.push(hit.face);
     }
-    base.curve_edges.as_flattened().iter().for_each(|&v| mixed.is_fixed[v as usize] = true);
+    mixed.curve_edges.extend(region_borders(mesh));
+    mixed.curve_edges.sort_unstable();
+    mixed.curve_edges.dedup();
+    for &v in mixed.curve_edges.as_flattened() {
+        mixed.is_fixed[v as usize] = true;
+    }
     mixed.index();
     Ok(mixed)
+}
+
+/// Edges between faces of different regions, low vertex first: curves even where they are no features.
+fn region_borders(mesh: &SurfaceMesh) -> Vec<[u32; 2]> {
+    let mut sides: Vec<([u32; 2], u32)> = Vec::with_capacity(mesh.triangles.len() * 3);
+    for (&[a, b, c], &region) in mesh.triangles.iter().zip(&mesh.face_region) {
+        sides.extend([[a, b], [b, c], [c, a]].map(|[u, v]| ([u.min(v), u.max(v)], region)));
+    }
+    sides.sort_unstable();
+    sides.windows(2).filter(|w| w[0].0 == w[1].0 && w[0].1 != w[1].1).map(|w| w[0].0).collect()
 }
 
 /// Quadrangles cut along their better diagonal, first; then the triangles.

@@ -4,6 +4,7 @@ mod distance;
 mod edges;
 pub mod intersect;
 mod quads;
+pub mod seams;
 mod shape;
 
 pub use quads::{QuadQuality, eta_of_pair};
@@ -116,6 +117,8 @@ pub struct QualityReport {
     pub quads: Option<QuadQuality>,
     /// The worst faces by kappa, worst first, at most 20.
     pub worst_faces: Vec<u32>,
+    /// Elements at seams between patches apart from the others; `None` where no patches are known (two files are compared).
+    pub seams: Option<seams::SeamQuality>,
 }
 
 /// A mesh to measure.

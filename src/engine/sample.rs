@@ -1,6 +1,6 @@
 //! Deterministic, deliberately poor surfaces to try the product on: marching-cubes style scans and CAD style tessellations.
 //!
-//! Scans ([`SampleKind::Artery`], [`SampleKind::Pelvis`], [`SampleKind::Tube`]) are level sets of an implicit body, extracted
+//! Scans ([`SampleKind::Artery`], [`SampleKind::Pelvis`], [`SampleKind::Tube`], [`SampleKind::Lattice`]) are level sets of an implicit body, extracted
 //! tetrahedron by tetrahedron from partly quantised values, so they show voxel steps and slivers. CAD parts
 //! ([`SampleKind::Brake`], [`SampleKind::CadPart`]) are stacks of prisms over a planar layout: sharp edges, uneven strips, needles.
 //! Every sample is manifold, oriented outward, of one component, free of self-intersections and of zero-area faces.
@@ -17,6 +17,7 @@ mod field;
 mod fit;
 mod lattice;
 mod layout;
+mod net;
 mod pelvis;
 mod scan;
 mod stack;
@@ -37,6 +38,8 @@ pub enum SampleKind {
     CadPart,
     /// A tube of some aspect ratio (height over diameter), open at both ends.
     Tube,
+    /// A closed block of gyroid lattice: struts along a net of three-fold nodes; genus 240 at full size (marching cubes, voxel steps).
+    Lattice,
 }
 
 /// What to generate.
@@ -48,7 +51,8 @@ pub struct SampleSpec {
     /// more triangles to have its topology at all (9 vessels, 83 handles) gets about the fewest that do.
     pub triangles: u64,
     /// Genus of `Pelvis` (0 to 64; `None` takes 3: the pelvic ring and two obturator foramina) or of `Brake` (2 to 400; `None`
-    /// takes 83 from 40,000 triangles on and proportionally fewer below). A brake disc of genus `g` has `g - 6` vanes and 5 bolt
+    /// takes 83 from 40,000 triangles on and proportionally fewer below), or of `Lattice` (1 to 1000; `None` takes 240 from 60,000
+    /// triangles on and proportionally fewer below). A brake disc of genus `g` has `g - 6` vanes and 5 bolt
     /// slots, or, below genus 12, `g - 1` vanes and no slot. Ignored by no kind: the others refuse it.
     pub genus: Option<u32>,
     /// Open ends of `Artery`, the inlet included (2 to 240), i.e. the number of boundary loops; `None` takes the usual 9.
@@ -78,6 +82,7 @@ pub fn generate(spec: &SampleSpec, work: &Work<'_>) -> Result<SurfaceMesh> {
         SampleKind::Pelvis => scan::generate(&pelvis::body(spec.genus.unwrap_or(3)), target, work)?,
         SampleKind::Brake => brake::generate(spec.genus.unwrap_or_else(|| brake::usual_genus(target)), target, work)?,
         SampleKind::CadPart => cad::generate(target, work)?,
+        SampleKind::Lattice => scan::generate(&net::body(spec.genus.unwrap_or_else(|| net::usual_genus(target))), target, work)?,
     };
     mesh.unit = LengthUnit::Millimetre;
     Ok(mesh)
@@ -94,6 +99,7 @@ fn check(spec: &SampleSpec) -> Result<()> {
     let genus_range = match spec.kind {
         SampleKind::Pelvis => Some((0, 64)),
         SampleKind::Brake => Some((2, 400)),
+        SampleKind::Lattice => Some((1, 1000)),
         _ => None,
     };
     let outlet_range = (spec.kind == SampleKind::Artery).then_some((2, 240));

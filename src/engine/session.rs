@@ -8,7 +8,7 @@ use crate::import::ImportOptions;
 use crate::mesh::SurfaceMesh;
 use crate::optimize::OptimizeSpec;
 use crate::parametrize::ChartSpec;
-use crate::partition::PartitionSpec;
+use crate::partition::{PartitionSpec, PatchEdit};
 use crate::planar::Mesher;
 use crate::sample::SampleSpec;
 use crate::sizing::SizeSpec;
@@ -96,6 +96,9 @@ pub struct Snapshot {
     /// Specs of single patches, by [`crate::patch::PatchMap::identity`]: a spec stays with its patch whatever number it gets, and
     /// waits for it if an edit of the partition takes it away.
     pub patch_charts: Arc<BTreeMap<Fingerprint, ChartSpec>>,
+    /// Edits of single patches, in the order they were made. They are of the patches that have charts, after all splits. An edit whose
+    /// patches another specification takes away waits for them.
+    pub patch_edits: Arc<Vec<Arc<PatchEdit>>>,
     /// Which sizes are wanted; `None` until set: sizes are never guessed.
     pub size: Option<SizeSpec>,
     /// The planar mesher.
@@ -114,10 +117,21 @@ impl Snapshot {
             partition: PartitionSpec::default(),
             chart: ChartSpec::default(),
             patch_charts: Arc::default(),
+            patch_edits: Arc::default(),
             size: None,
             mesher: Mesher::default(),
             optimize: OptimizeSpec::default(),
         }
+    }
+
+    /// The same inputs with one more edit of patches. Of the same revision: for looking at what would be.
+    ///
+    /// # Errors
+    /// [`Reason::LimitReached`] for more than [`MAX_PATCH_EDITS`] edits or [`MAX_EDITED_FACES`] listed faces.
+    pub fn with_patch_edit(&self, edit: PatchEdit) -> Result<Snapshot> {
+        let mut next = self.clone();
+        add_patch_edit(&mut next, edit)?;
+        Ok(next)
     }
 }
 
@@ -144,6 +158,10 @@ pub enum Change {
         /// The specification, with vertices of the imported mesh.
         spec: Option<ChartSpec>,
     },
+    /// Edit patches, after all edits made before.
+    PatchEdit(PatchEdit),
+    /// Take all edits of patches back.
+    ResetPatchEdits,
     /// Replace the size specification.
     Size(SizeSpec),
     /// Replace the planar mesher.
@@ -159,6 +177,26 @@ pub const KEPT_REVISIONS: usize = 64;
 
 /// Most patches of a session with a chart specification of their own.
 pub const MAX_PATCH_CHARTS: usize = 4096;
+
+/// Most edits of patches in a session.
+pub const MAX_PATCH_EDITS: usize = 256;
+
+/// Most faces that the edits of a session list together.
+pub const MAX_EDITED_FACES: usize = 1 << 20;
+
+fn add_patch_edit(next: &mut Snapshot, edit: PatchEdit) -> Result<()> {
+    let edits = Arc::make_mut(&mut next.patch_edits);
+    edits.push(Arc::new(edit));
+    let faces: usize = edits.iter().map(|e| e.listed_faces()).sum();
+    let message = if edits.len() > MAX_PATCH_EDITS {
+        format!("the session has {MAX_PATCH_EDITS} edits of patches already")
+    } else if faces > MAX_EDITED_FACES {
+        format!("the edits of patches list {faces} faces together; at most {MAX_EDITED_FACES} are kept")
+    } else {
+        return Ok(());
+    };
+    Err(EngineError::new(Reason::LimitReached, message).with_hint("take the edits back, or partition in another way"))
+}
 
 fn session_wide(spec: &ChartSpec) -> Result<ChartSpec> {
     spec.validate()?;
@@ -238,7 +276,7 @@ impl Session {
     ///
     /// # Errors
     /// [`Reason::StaleRevision`] with the current revision as metadata; [`Reason::BadParameter`] for an unknown rollback revision or a
-    /// chart specification that contradicts itself; [`Reason::LimitReached`] for more than [`MAX_PATCH_CHARTS`].
+    /// chart specification that contradicts itself; [`Reason::LimitReached`] for more than [`MAX_PATCH_CHARTS`] or [`MAX_PATCH_EDITS`].
     pub fn apply(&self, base: Option<Revision>, changes: &[Change]) -> Result<Revision> {
         let mut state = self.lock();
         let current = state.history.back().expect("history is never empty").clone();
@@ -257,6 +295,8 @@ impl Session {
                 Change::Partition(spec) => next.partition = spec.clone(),
                 Change::Chart(spec) => next.chart = session_wide(spec)?,
                 Change::PatchChart { patch, spec } => set_patch_chart(&mut next, *patch, spec.as_ref())?,
+                Change::PatchEdit(edit) => add_patch_edit(&mut next, edit.clone())?,
+                Change::ResetPatchEdits => next.patch_edits = Arc::default(),
                 Change::Size(spec) => next.size = Some(spec.clone()),
                 Change::Mesher(mesher) => next.mesher = *mesher,
                 Change::Optimize(spec) => next.optimize = spec.clone(),
@@ -314,7 +354,9 @@ impl Session {
                 total += source.bytes();
             }
         }
-        total
+        // Revisions share edits; the longest log is about all of them.
+        let edits = state.history.iter().map(|s| s.patch_edits.iter().map(|e| 4 * e.listed_faces() + 256).sum::<usize>()).max();
+        total + edits.unwrap_or(0)
     }
 }
 

@@ -19,6 +19,8 @@ pub enum Stage {
     Features,
     /// Faces to patches.
     Partition,
+    /// Borders straightened and faces split along them.
+    Cut,
     /// Patches cut out, curve network traced.
     Patches,
     /// Elimination order of a patch, from its connectivity.
@@ -53,12 +55,13 @@ pub enum Stage {
 
 impl Stage {
     /// All stages in pipeline order.
-    pub const ALL: [Stage; 20] = [
+    pub const ALL: [Stage; 21] = [
         Stage::Import,
         Stage::Topology,
         Stage::SearchTree,
         Stage::Features,
         Stage::Partition,
+        Stage::Cut,
         Stage::Patches,
         Stage::System,
         Stage::Factor,
@@ -84,6 +87,7 @@ impl Stage {
             Stage::SearchTree => "search_tree",
             Stage::Features => "features",
             Stage::Partition => "partition",
+            Stage::Cut => "cut",
             Stage::Patches => "patches",
             Stage::System => "system",
             Stage::Factor => "factor",

@@ -2,4 +2,5 @@
 
 pub(crate) mod charts;
 pub(crate) mod from_proto;
+pub(crate) mod patches;
 pub(crate) mod to_proto;

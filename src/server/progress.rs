@@ -15,7 +15,14 @@ const INTERVAL: Duration = Duration::from_millis(100);
 fn share(stage: Stage) -> f64 {
     match stage {
         Stage::Import => 5.0,
-        Stage::Topology | Stage::SearchTree | Stage::Features | Stage::Patches | Stage::Size | Stage::Curve | Stage::System => 1.0,
+        Stage::Topology
+        | Stage::SearchTree
+        | Stage::Features
+        | Stage::Cut
+        | Stage::Patches
+        | Stage::Size
+        | Stage::Curve
+        | Stage::System => 1.0,
         Stage::Partition => 10.0,
         Stage::Factor => 6.0,
         Stage::Boundary | Stage::Solve => 4.0,

@@ -5,6 +5,7 @@ pub(crate) mod chart;
 pub(crate) mod mesh;
 pub(crate) mod partition;
 pub(crate) mod patch_chart;
+pub(crate) mod patch_edit;
 pub(crate) mod quality;
 pub(crate) mod remesh;
 pub(crate) mod session;

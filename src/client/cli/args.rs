@@ -1,20 +1,24 @@
 //! The command line of `remesh`, as clap sees it.
 
 mod chart;
+mod patch;
 mod values;
 
 pub(crate) use chart::{ChartAllArgs, ChartArgs, ChartOutput, ChartSpecArgs, ChartVerb, PatchOf, PatchSpecArgs};
+pub(crate) use patch::{PartitionArgs, PatchArgs, PatchVerb};
 #[cfg(test)]
 pub(crate) use values::PinArg;
 pub(crate) use values::{
-    BorderChoice, BoundaryCurve, HoleChoice, OuterLoop, PartitionStrategy, PinChoice, PlaneArg, SpacingChoice, names_session, session_name,
+    BorderChoice, BoundaryCurve, HoleChoice, OuterLoop, PartitionStrategy, PinChoice, PlaneArg, SpacingChoice, SplitChoice, names_session,
+    session_name,
 };
 pub(crate) use values::{ChartMethod, ColourBy, Encoding, FeatureAngle, MesherChoice, ObjRegions, ReadFormat, SampleName, Unit, Up};
 
 use clap::{ArgAction, Args, Parser, Subcommand};
 use std::path::PathBuf;
 use std::time::Duration;
-use values::{duration, feature_angle, not_negative, plane, positive};
+pub(crate) use values::{LimitArg, RegionListArg};
+use values::{duration, feature_angle, limit, not_negative, plane, positive, region_list};
 
 const AFTER_HELP: &str = "\
 Exit codes:
@@ -77,7 +81,9 @@ pub(crate) enum Command {
     /// Change inputs of a session; what is not named stays
     Set(SetArgs),
     /// Partition the surface of a session into patches
-    Partition(SessionName),
+    Partition(PartitionArgs),
+    /// Split and merge patches of a session, move faces between them
+    Patch(PatchArgs),
     /// Map patches to the plane: of a session or a file, or one patch with conditions of its own
     Chart(ChartArgs),
     /// Remesh the surface of a session, or mesh some patches of it
@@ -192,6 +198,15 @@ pub(crate) struct InputArgs {
     /// Text file with two vertex numbers (from 0) on each line: edges that are kept whatever their angle
     #[arg(long, value_name = "FILE")]
     pub(crate) feature_edges: Option<PathBuf>,
+    /// Parametrize these regions (numbers, as in 3,4,7) as one: no edge between them is kept; may be repeated; `none` forgets all lists
+    #[arg(long = "compound", value_name = "ID,ID|none", value_parser = region_list, action = ArgAction::Append, allow_hyphen_values = true)]
+    pub(crate) compounds: Vec<RegionListArg>,
+    /// Parametrize regions as one that meet below this angle along (19/20 of) their common border
+    #[arg(long, value_name = "DEGREES|none", value_parser = limit, allow_negative_numbers = true)]
+    pub(crate) merge_angle: Option<LimitArg>,
+    /// Parametrize regions thinner than this (2 area / border length) as one with the neighbour of most contact
+    #[arg(long, value_name = "LENGTH|none", value_parser = limit, allow_negative_numbers = true)]
+    pub(crate) merge_below_size: Option<LimitArg>,
     /// Wanted number of patches; more are made where topology or features ask for it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) patches: Option<u32>,
@@ -207,7 +222,7 @@ pub(crate) struct InputArgs {
     /// Point and normal of the plane of `--partition-strategy plane`; without it the best of a few planes is taken
     #[arg(long, value_name = "X,Y,Z,NX,NY,NZ", value_parser = plane, allow_negative_numbers = true, allow_hyphen_values = true)]
     pub(crate) plane: Option<PlaneArg>,
-    /// What is done to the borders between patches [default: vote]
+    /// What is done to the borders between patches [default: geodesic]
     #[arg(long, value_name = "HOW")]
     pub(crate) borders: Option<BorderChoice>,
     /// What the mesh is made of [default: frontal]
@@ -284,7 +299,7 @@ pub(crate) struct SampleSpecArgs {
     /// The same as a linear measure: about 2 N^2 triangles, as N by N squares have
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
     pub(crate) resolution: Option<u64>,
-    /// Handles (genus) of the pelvis or of the brake
+    /// Handles (genus) of the pelvis, of the brake or of the lattice
     #[arg(long, value_name = "N")]
     pub(crate) genus: Option<u32>,
     /// Outlets of the artery

@@ -120,6 +120,14 @@ pub(crate) fn read_numbers(path: &Path) -> Outcome<Vec<f64>> {
     words(&text).map(number).collect()
 }
 
+/// Numbers of faces.
+pub(crate) fn read_indices(path: &Path) -> Outcome<Vec<u32>> {
+    let text = read_text(path)?;
+    let index =
+        |(line, word): (usize, &str)| word.parse::<u32>().map_err(|_| malformed(path, line, &format!("'{word}' is not a face number")));
+    words(&text).map(index).collect()
+}
+
 /// Pairs of vertex numbers.
 pub(crate) fn read_edges(path: &Path) -> Outcome<Vec<[u32; 2]>> {
     let text = read_text(path)?;

@@ -135,7 +135,22 @@ pub(crate) fn quality(report: &v1::QualityReport) -> Value {
         "self_intersections": report.self_intersections,
         "intersecting_pairs": report.intersecting_pairs.iter().map(|pair| [pair.first, pair.second]).collect::<Vec<_>>(),
         "worst_faces": report.worst_faces,
+        "seams": report.seams.as_ref().map(|q| json!({ "before": q.before.map(seam_split), "after": q.after.map(seam_split) })),
     })
+}
+
+fn seam_split(split: v1::SeamSplit) -> Value {
+    let part = |part: v1::PartQuality| {
+        json!({
+            "triangles": part.triangles,
+            "kappa_min": part.kappa_min,
+            "kappa_mean": part.kappa_mean,
+            "below_half": part.below_half,
+            "below_four_fifths": part.below_four_fifths,
+            "tau": part.tau,
+        })
+    };
+    json!({ "seam": split.seam.map(part), "interior": split.interior.map(part) })
 }
 
 fn group(group: &Group) -> Value {
@@ -167,7 +182,23 @@ pub(crate) fn patch(patch: &v1::PatchSummary) -> Value {
         "border_length": patch.border_length,
         "aspect_ratio": patch.aspect_ratio,
         "box_aspect_ratio": patch.box_aspect_ratio,
+        "origin": origin_name(patch.origin()),
     })
+}
+
+/// How a patch came about, in a word.
+pub(crate) fn origin_name(origin: v1::PatchOrigin) -> String {
+    enum_name(origin.as_str_name(), "PATCH_ORIGIN_")
+}
+
+/// Why a region is in a compound, in a word.
+pub(crate) fn rule_name(rule: v1::CompoundRule) -> String {
+    enum_name(rule.as_str_name(), "COMPOUND_RULE_")
+}
+
+/// What an edit of patches does, in a word.
+pub(crate) fn edit_name(kind: v1::PatchEditKind) -> String {
+    enum_name(kind.as_str_name(), "PATCH_EDIT_KIND_")
 }
 
 /// The name of a strategy as on the command line.
@@ -285,6 +316,9 @@ fn inputs(inputs: &v1::SessionInputs) -> Value {
         "min_chain_share": features.min_chain_share,
         "region_borders": if features.region_borders() == v1::RegionBorders::Ignore { "ignore" } else { "keep" },
         "explicit_edges": features.explicit_edges.is_some(),
+        "compounds": features.compounds.as_ref().map(|c| c.lists.iter().map(|l| l.regions.clone()).collect::<Vec<_>>()),
+        "merge_angle": features.compounds.as_ref().and_then(|c| c.merge_angle),
+        "merge_below_size": features.compounds.as_ref().and_then(|c| c.merge_below_size),
         "patches": partition.patches,
         "max_patch_faces": partition.max_patch_faces,
         "max_aspect_ratio": partition.max_aspect_ratio,
@@ -293,6 +327,7 @@ fn inputs(inputs: &v1::SessionInputs) -> Value {
         "borders": enum_name(partition.borders().as_str_name(), "PARTITION_BORDERS_"),
         "chart": inputs.charts.as_ref().map(chart_spec),
         "patch_charts": inputs.patch_charts,
+        "patch_edits": inputs.patch_edits,
         "size": size,
         "mesher": enum_name(mesher.kind().as_str_name(), "MESHER_KIND_"),
         "all_quads": mesher.all_quads,

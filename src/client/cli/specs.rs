@@ -5,8 +5,8 @@ mod chart;
 pub(crate) use chart::{chart_edit, merged_chart, names_vertices};
 
 use super::args::{
-    BorderChoice, ChartMethod, ChartSpecArgs, Encoding, FeatureAngle, ImportArgs, InputArgs, MesherChoice, ObjRegions, PartitionStrategy, ReadFormat,
-    SampleName, SampleSpecArgs, SizeArgs, Unit,
+    BorderChoice, ChartMethod, ChartSpecArgs, Encoding, FeatureAngle, ImportArgs, InputArgs, LimitArg, MesherChoice, ObjRegions, PartitionStrategy,
+    ReadFormat, RegionListArg, SampleName, SampleSpecArgs, SizeArgs, Unit,
 };
 use super::failure::{Failure, Outcome};
 use super::files;
@@ -59,6 +59,7 @@ pub(crate) fn sample_spec(args: &SampleSpecArgs) -> v1::SampleSpec {
         SampleName::Brake => v1::SampleKind::Brake,
         SampleName::CadPart => v1::SampleKind::CadPart,
         SampleName::Tube => v1::SampleKind::Tube,
+        SampleName::Lattice => v1::SampleKind::Lattice,
     };
     v1::SampleSpec {
         kind: kind.into(),
@@ -202,7 +203,31 @@ fn put_features(args: &InputArgs, spec: &mut v1::FeatureSpec) -> bool {
         spec.set_region_borders(if args.ignore_region_borders { v1::RegionBorders::Ignore } else { v1::RegionBorders::Keep });
     }
     let region_borders = args.ignore_region_borders || args.keep_region_borders;
-    args.feature_angle.is_some() || args.min_chain.is_some() || region_borders || args.feature_edges.is_some()
+    let compounds = put_compounds(args, spec);
+    compounds || args.feature_angle.is_some() || args.min_chain.is_some() || region_borders || args.feature_edges.is_some()
+}
+
+fn put_compounds(args: &InputArgs, spec: &mut v1::FeatureSpec) -> bool {
+    let named = !args.compounds.is_empty() || args.merge_angle.is_some() || args.merge_below_size.is_some();
+    if named {
+        let compounds = spec.compounds.get_or_insert_default();
+        if !args.compounds.is_empty() {
+            // Lists named anew replace the former ones.
+            let lists = args.compounds.iter().filter_map(|list| match list {
+                RegionListArg::Regions(regions) => Some(v1::RegionList { regions: regions.clone() }),
+                RegionListArg::None => None,
+            });
+            compounds.lists = lists.collect();
+        }
+        let put = |value: &mut Option<f64>, arg: Option<LimitArg>| match arg {
+            Some(LimitArg::Below(limit)) => *value = Some(limit),
+            Some(LimitArg::None) => *value = None,
+            None => {}
+        };
+        put(&mut compounds.merge_angle, args.merge_angle);
+        put(&mut compounds.merge_below_size, args.merge_below_size);
+    }
+    named
 }
 
 fn put_partition(args: &InputArgs, spec: &mut v1::PartitionSpec) -> bool {
@@ -216,6 +241,7 @@ fn put_partition(args: &InputArgs, spec: &mut v1::PartitionSpec) -> bool {
             PartitionStrategy::Laplace => v1::PartitionStrategy::Laplace,
             PartitionStrategy::MaxCut => v1::PartitionStrategy::MaxCut,
             PartitionStrategy::Handles => v1::PartitionStrategy::Handles,
+            PartitionStrategy::Pants => v1::PartitionStrategy::Pants,
             PartitionStrategy::Plane => v1::PartitionStrategy::Plane,
         });
         // A strategy named anew has the plane named with it, or finds one.
@@ -229,6 +255,7 @@ fn put_partition(args: &InputArgs, spec: &mut v1::PartitionSpec) -> bool {
         spec.set_borders(match borders {
             BorderChoice::Vote => v1::PartitionBorders::Vote,
             BorderChoice::Shortest => v1::PartitionBorders::Shortest,
+            BorderChoice::Geodesic => v1::PartitionBorders::Geodesic,
         });
     }
     let numbers = args.patches.is_some() || args.max_patch_faces.is_some() || args.max_aspect_ratio.is_some();

@@ -19,7 +19,7 @@ pub(crate) struct Group {
 /// The group of a stage; a stage this client does not know is a group of its own.
 fn group_name(stage: &str) -> &str {
     match stage {
-        "topology" | "search_tree" | "features" | "partition" | "patches" => "partition",
+        "topology" | "search_tree" | "features" | "partition" | "cut" | "patches" => "partition",
         "system" | "factor" | "boundary" | "solve" | "chart" => "charts",
         "size" | "curve" | "planar" | "lift" => "meshing",
         "assembly" | "optimize" | "quads" => "optimisation",

@@ -8,7 +8,6 @@ use super::inspect::{imported_json, imported_text};
 use super::run::{exported_json, written};
 use super::ui::Report;
 use super::{json, specs, summary};
-use crate::error::Short;
 use crate::v1;
 use serde_json::json;
 
@@ -92,39 +91,6 @@ pub(crate) async fn rollback(context: &Context, args: &RollbackArgs) -> Outcome<
     let revision = context.client.rollback(session, args.revision).await?;
     let text = summary::line("revision", format!("{revision}, with the inputs of {}", args.revision));
     Ok(Report { text, json: json!({ "session": session, "revision": revision }) })
-}
-
-pub(crate) async fn partition(context: &Context, session: &str) -> Outcome<Report> {
-    let bar = context.ui.bar("partition");
-    let result = context.client.partition(session, |progress| bar.progress(progress)).await?;
-    drop(bar);
-    let mut text = summary::line("patches", result.patches.len());
-    text += &summary::line("strategy", format!("{}: {}", json::strategy_name(result.strategy()), result.reason));
-    if let Some(v1::CutPlane { point: Some(p), normal: Some(n) }) = &result.plane {
-        text += &summary::line("plane", format!("{},{},{},{},{},{}", p.x, p.y, p.z, n.x, n.y, n.z));
-    }
-    text += "    patch      faces        area  loops   aspect  of box\n";
-    for p in &result.patches {
-        text += &format!(
-            "{:>9} {:>10} {:>11} {:>6} {:>8.2} {:>7.2}\n",
-            p.patch,
-            summary::grouped(p.faces.into()),
-            Short(p.area).to_string(),
-            p.loops,
-            p.aspect_ratio,
-            p.box_aspect_ratio
-        );
-    }
-    text += &result.summary.as_ref().map(summary::run).unwrap_or_default();
-    let patches: Vec<_> = result.patches.iter().map(json::patch).collect();
-    let json = json!({
-        "patches": patches,
-        "strategy": json::strategy_name(result.strategy()),
-        "reason": result.reason,
-        "plane": json::plane(result.plane),
-        "work": json::run(&result.summary),
-    });
-    Ok(Report { text, json })
 }
 
 pub(crate) async fn remesh(context: &Context, args: &PatchesArgs) -> Outcome<Report> {

@@ -129,9 +129,28 @@ pub(crate) fn elements(triangles: Option<&v1::ShapeQuality>, quads: Option<&v1::
     text
 }
 
-/// Distances, topology and intersections of a report; the elements are in [`shape`].
+/// Elements at seams and away from them, one line each; nothing where there is no seam.
+fn seams(quality: &v1::SeamQuality) -> String {
+    let part = |part: v1::PartQuality| {
+        let tau = part.tau.map_or("-".to_owned(), |tau| format!("{tau:.1} %"));
+        let below = format!("{:.2} % below 0.5, {:.1} % below 0.8", 100.0 * part.below_half, 100.0 * part.below_four_fifths);
+        format!("kappa min {:.3}, mean {:.4}, {below}, tau {tau} ({})", part.kappa_min, part.kappa_mean, grouped(part.triangles))
+    };
+    let (before, after) = (quality.before.unwrap_or_default(), quality.after.unwrap_or_default());
+    let Some(seam) = after.seam.filter(|seam| seam.triangles > 0) else { return String::new() };
+    let mut text = line("seams", part(seam));
+    if let Some(interior) = after.interior.filter(|interior| interior.triangles > 0) {
+        text += &line("interior", part(interior));
+    }
+    if let Some(seam) = before.seam.filter(|seam| seam.triangles > 0) {
+        text += &line("", format!("seams before the optimisation: {}", part(seam)));
+    }
+    text
+}
+
+/// Distances, topology, seams and intersections of a report; the elements are in [`shape`].
 pub(crate) fn quality(report: &v1::QualityReport) -> String {
-    let mut text = String::new();
+    let mut text = report.seams.as_ref().map(seams).unwrap_or_default();
     if let Some(fidelity) = &report.fidelity {
         let percent = |value: f64| format!("{:.4} %", 100.0 * value);
         let (max, rms) = (percent(fidelity.hausdorff_max_rel), percent(fidelity.hausdorff_rms_rel));

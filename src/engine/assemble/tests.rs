@@ -48,7 +48,7 @@ fn half(mesh: &SurfaceMesh, up: f64) -> (Patch, PatchMap, Chart) {
     let loops = topology.loops.iter().map(|l| l.iter().map(|&h| topology.origin(h)).collect()).collect();
     let uv = positions.iter().map(|p| [p[0] / (1.0 + up * p[2]), up * p[1] / (1.0 + up * p[2])]).collect();
     let chart = Chart { uv, method: ChartMethod::SpectralConformal, attempts: Vec::new(), distortion: Distortion::default() };
-    (Patch { positions, triangles, loops }, PatchMap { vertices: vertices.clone(), faces: mine }, chart)
+    (Patch { positions, triangles, loops }, PatchMap { named: vertices.clone(), vertices: vertices.clone(), faces: mine }, chart)
 }
 
 fn joined(size: f64) -> (SurfaceMesh, Result<Assembled>) {
@@ -58,7 +58,7 @@ fn joined(size: f64) -> (SurfaceMesh, Result<Assembled>) {
     let mut face_patch = vec![0; mesh.triangles.len()];
     halves[1].1.faces.iter().for_each(|&f| face_patch[f as usize] = 1);
     let partition = Partition { face_patch, patches: vec![PatchSummary::default(); 2], ..Partition::default() };
-    let features = Features { is_feature: vec![false; topology.halfedge_count()], corners: Vec::new() };
+    let features = Features { is_feature: vec![false; topology.halfedge_count()], corners: Vec::new(), ..Features::default() };
     let network = trace_curves(&topology, &features, &partition);
     let cancel = CancelToken::new();
     let work = Work::silent(&cancel);

@@ -116,7 +116,11 @@ fn curves_of_a_grid_cut_in_quarters() {
         ..Partition::default()
     };
     // A dangling feature of two edges inside the first quarter.
-    let mut features = Features { is_feature: vec![false; topology.halfedge_count()], corners: vec![0, n, n * (n + 1), n * (n + 2)] };
+    let mut features = Features {
+        is_feature: vec![false; topology.halfedge_count()],
+        corners: vec![0, n, n * (n + 1), n * (n + 2)],
+        ..Features::default()
+    };
     for h in 0..topology.halfedge_count() as u32 {
         let ends = (topology.origin(h), topology.target(h));
         let (a, b) = (ends.0.min(ends.1), ends.0.max(ends.1));
@@ -143,7 +147,7 @@ fn two_single_edges_between_the_same_ends_are_avoided() {
     let triangles = [[0, 1, 2], [0, 2, 3]];
     let topology = Topology::build(&triangles, 4).unwrap();
     let partition = Partition { face_patch: vec![0, 1], patches: vec![PatchSummary::default(); 2], ..Partition::default() };
-    let features = Features { is_feature: vec![false; 6], corners: Vec::new() };
+    let features = Features { is_feature: vec![false; 6], corners: Vec::new(), ..Features::default() };
     let network = trace_curves(&topology, &features, &partition);
     let of = |kind: CurveKind| network.curves.iter().filter(|c| c.kind == kind).map(|c| c.min_edges).collect::<Vec<_>>();
     assert_eq!((of(CurveKind::Seam), of(CurveKind::Boundary)), (vec![1], vec![2, 2]));
@@ -156,7 +160,7 @@ fn closed_seam_without_junction_is_one_closed_curve() {
     let topology = Topology::build(&triangles, 6).unwrap();
     let partition =
         Partition { face_patch: vec![0, 0, 0, 0, 1, 1, 1, 1], patches: vec![PatchSummary::default(); 2], ..Partition::default() };
-    let features = Features { is_feature: vec![false; 24], corners: Vec::new() };
+    let features = Features { is_feature: vec![false; 24], corners: Vec::new(), ..Features::default() };
     let network = trace_curves(&topology, &features, &partition);
     assert_eq!(network.curves.len(), 1);
     assert!(network.curves[0].closed && network.curves[0].halfedges.len() == 4 && network.curves[0].min_edges == 3);

@@ -137,3 +137,5 @@ fn a_staircase_boundary_has_no_corners_on_its_steps() {
     assert!(features.corners.contains(&0), "the right angle");
     assert!(features.corners.len() <= 7, "only the three sharp ends, not the 20 steps: {:?}", features.corners);
 }
+
+mod compounds;

@@ -13,6 +13,9 @@ pub(super) struct Activity {
     clock: u32,
     /// The sweep in which a vertex last moved or got or lost an edge.
     changed: Vec<u32>,
+    /// Vertices in the order in which they changed, once for each sweep, and where the sweeps begin in it.
+    journal: Vec<u32>,
+    begins: Vec<usize>,
     /// Whether smoothing should look at a vertex: its star has changed, or it has not come to rest.
     awake: Vec<bool>,
 }
@@ -20,17 +23,19 @@ pub(super) struct Activity {
 impl Activity {
     /// Everything is new.
     pub(super) fn new(vertices: usize) -> Self {
-        Activity { clock: FIRST_SWEEP, changed: vec![FIRST_SWEEP; vertices], awake: vec![true; vertices] }
+        let journal = (0..vertices as u32).collect();
+        Activity { clock: FIRST_SWEEP, changed: vec![FIRST_SWEEP; vertices], journal, begins: vec![0, 0], awake: vec![true; vertices] }
     }
 
     /// Only the vertices within `rings` edges of `seeds` are new.
     pub(super) fn around(mesh: &Kernel, seeds: impl Iterator<Item = u32>, rings: u32) -> Self {
         let count = mesh.vertex_slots() as usize;
-        let mut activity = Activity { clock: FIRST_SWEEP, changed: vec![0; count], awake: vec![false; count] };
+        let mut activity =
+            Activity { clock: FIRST_SWEEP, changed: vec![0; count], journal: Vec::new(), begins: vec![0, 0], awake: vec![false; count] };
         let mut front: Vec<u32> = seeds.collect();
         for _ in 0..=rings {
             front.retain(|&v| !std::mem::replace(&mut activity.awake[v as usize], true));
-            front.iter().for_each(|&v| activity.changed[v as usize] = FIRST_SWEEP);
+            front.iter().for_each(|&v| activity.mark_changed(v));
             front = front.iter().flat_map(|&v| mesh.neighbours(v)).collect();
         }
         activity
@@ -38,6 +43,7 @@ impl Activity {
 
     /// Makes room for one more vertex.
     pub(super) fn push(&mut self) {
+        self.journal.push(self.changed.len() as u32);
         self.changed.push(self.clock);
         self.awake.push(true);
     }
@@ -45,11 +51,19 @@ impl Activity {
     /// Starts a sweep; its number is what [`Activity::is_new`] of a later sweep takes.
     pub(super) fn begin(&mut self) -> u32 {
         self.clock += 1;
+        self.begins.push(self.journal.len());
         self.clock
     }
 
     pub(super) fn mark_changed(&mut self, v: u32) {
-        self.changed[v as usize] = self.clock;
+        if std::mem::replace(&mut self.changed[v as usize], self.clock) != self.clock {
+            self.journal.push(v);
+        }
+    }
+
+    /// Vertices (perhaps removed since, perhaps listed twice) that have changed in the given sweep or later.
+    pub(super) fn changed_since(&self, since: u32) -> &[u32] {
+        &self.journal[self.begins[since as usize]..]
     }
 
     /// Whether a vertex has changed in the given sweep or later.

@@ -8,8 +8,7 @@ use crate::planar::{LiftedPatch, SurfacePoint, VertexOrigin};
 pub(super) fn as_assembled(lifted: &LiftedPatch) -> Assembled {
     let held = |v: u32| lifted.origins[v as usize] != VertexOrigin::Interior;
     let edges = lifted.triangles.iter().flat_map(|t| (0..3).map(move |k| [t[k], t[(k + 1) % 3]]));
-    let mut curve_edges: Vec<[u32; 2]> =
-        edges.filter(|&[a, b]| held(a) && held(b)).map(|[a, b]| [a.min(b), a.max(b)]).collect();
+    let mut curve_edges: Vec<[u32; 2]> = edges.filter(|&[a, b]| held(a) && held(b)).map(|[a, b]| [a.min(b), a.max(b)]).collect();
     curve_edges.sort_unstable();
     curve_edges.dedup();
     let class = |origin: &VertexOrigin| match origin {

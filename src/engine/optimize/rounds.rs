@@ -1,5 +1,6 @@
 //! Passes over the whole mesh: split long edges, collapse short ones, flip, smooth.
 
+use super::kernel::{next, prev};
 use super::state::{State, star_centroid, tangential};
 use crate::error::Result;
 use crate::vector::{add, distance, scale, sub};
@@ -19,8 +20,8 @@ pub(super) fn split_long(state: &mut State<'_>, since: u32, work: &Work<'_>) -> 
     let mut since = since;
     for _ in 0..12 {
         let sweep = state.activity.begin();
-        let mut long: Vec<(f64, u32)> = edges(state)
-            .filter(|&h| is_new_edge(state, h, since))
+        let mut long: Vec<(f64, u32)> = new_edges(state, since)
+            .into_iter()
             .map(|h| (state.ratio(h), h))
             .filter(|&(ratio, h)| ratio > if state.mesh.is_on_curve(h) { LONG_ON_CURVE } else { LONG })
             .collect();
@@ -48,8 +49,7 @@ pub(super) fn collapse_short(state: &mut State<'_>, since: u32, work: &Work<'_>)
     let mut since = since;
     for _ in 0..12 {
         let sweep = state.activity.begin();
-        let mut short: Vec<(f64, u32)> =
-            edges(state).filter(|&h| is_new_edge(state, h, since)).map(|h| (state.ratio(h), h)).filter(|x| x.0 < SHORT).collect();
+        let mut short: Vec<(f64, u32)> = new_edges(state, since).into_iter().map(|h| (state.ratio(h), h)).filter(|x| x.0 < SHORT).collect();
         short.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
         let mut changed = 0;
         for (i, &(_, h)) in short.iter().enumerate() {
@@ -68,11 +68,30 @@ pub(super) fn collapse_short(state: &mut State<'_>, since: u32, work: &Work<'_>)
     Ok(since)
 }
 
-/// Whether an edge, or a corner opposite of it, has changed.
-fn is_new_edge(state: &State<'_>, h: u32, since: u32) -> bool {
+/// One halfedge of every edge that has changed or whose opposite corners have, increasing. O(changes log changes).
+fn new_edges(state: &State<'_>, since: u32) -> Vec<u32> {
     let m = &state.mesh;
-    let far = m.twin(h).map_or(m.to(h), |t| m.apex(t));
-    [m.from(h), m.to(h), m.apex(h), far].into_iter().any(|v| state.activity.is_new(v, since))
+    let changed = state.activity.changed_since(since);
+    let mut found = Vec::with_capacity(6 * changed.len());
+    for &v in changed.iter().filter(|&&v| m.is_vertex(v)) {
+        for h in m.around(v) {
+            // Edges at the vertex and opposite of it; the last is reached from the boundary only.
+            found.extend([h, next(h), prev(h)].map(|g| m.twin(g).map_or(g, |t| t.min(g))));
+        }
+    }
+    found.sort_unstable();
+    found.dedup();
+    found
+}
+
+/// Faces with a corner that has changed, increasing. O(changes log changes).
+fn new_faces(state: &State<'_>, since: u32) -> Vec<u32> {
+    let m = &state.mesh;
+    let changed = state.activity.changed_since(since);
+    let mut found: Vec<u32> = changed.iter().filter(|&&v| m.is_vertex(v)).flat_map(|&v| m.around(v)).map(|h| h / 3).collect();
+    found.sort_unstable();
+    found.dedup();
+    found
 }
 
 /// Collapses an edge in the better direction that works.
@@ -87,11 +106,6 @@ fn collapse_edge(state: &mut State<'_>, h: u32) -> bool {
     false
 }
 
-/// One halfedge of every edge.
-fn edges<'s>(state: &'s State<'_>) -> impl Iterator<Item = u32> + 's {
-    (0..3 * state.mesh.face_slots()).filter(|&h| state.mesh.is_face(h / 3) && state.mesh.twin(h).is_none_or(|t| h < t))
-}
-
 /// What a flip pass looks for.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum FlipGoal {
@@ -102,18 +116,15 @@ pub(super) enum FlipGoal {
 }
 
 /// Flips until nothing gains, at most a few sweeps. Looks only at what has changed since sweep `since`, the answer of the pass
-/// before (0: at everything); returns the sweep from which on the next pass has to look.
+/// before; returns the sweep from which on the next pass has to look.
 pub(super) fn flip_pass(state: &mut State<'_>, goal: FlipGoal, since: u32, work: &Work<'_>) -> Result<u32> {
     let mut since = since;
     for _ in 0..6 {
         let sweep = state.activity.begin();
         let mut changed = 0;
-        for f in 0..state.mesh.face_slots() {
-            if f.is_multiple_of(CHECK_EVERY) {
+        for (i, f) in new_faces(state, since).into_iter().enumerate() {
+            if (i as u32).is_multiple_of(CHECK_EVERY) {
                 work.check()?;
-            }
-            if !is_new_face(state, f, since) {
-                continue;
             }
             for h in 3 * f..3 * f + 3 {
                 let Some(t) = state.mesh.twin(h) else { continue };

@@ -30,18 +30,34 @@ const NEEDLE: f64 = 0.3;
 /// A vertex that moves by less than this, in local sizes, has come to rest.
 const REST: f64 = 0.005;
 
+/// One change of the mesh, by its vertices.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Operation {
+    /// The edge between two vertices.
+    Flip(u32, u32),
+    /// The first vertex into the second.
+    Collapse(u32, u32),
+    /// The edge between two vertices; the new vertex gets the next number.
+    Split(u32, u32, Foot),
+    /// A vertex to a place.
+    Place(u32, Foot),
+}
+
 /// What may be done to the vertices and edges of curves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Curves {
     /// Vertices may slide, go and come within bounds.
     Flexible,
-    /// Nothing: others share them.
+    /// Edges are not split, and no edge is made between two corners: others share them.
     Held,
+    /// As `Held` on the boundary, as `Flexible` inside.
+    HeldBoundary,
 }
 
 /// What is being optimised.
+#[derive(Clone)]
 pub(super) struct State<'a> {
-    pub(super) input: Input<'a>,
+    pub(super) input: &'a Input<'a>,
     pub(super) mesh: Kernel,
     pub(super) curves: Curves,
     /// Face of the input under each vertex.
@@ -49,14 +65,21 @@ pub(super) struct State<'a> {
     /// Wanted edge length at each vertex.
     pub(super) size: Vec<f64>,
     pub(super) activity: Activity,
+    /// What is done, if somebody wants to do it again.
+    pub(super) log: Option<Vec<Operation>>,
 }
 
 impl<'a> State<'a> {
     /// `curves` says what may be done to curves, `activity` where there is something to do.
-    pub(super) fn new(input: Input<'a>, assembled: &Assembled, curves: Curves, activity: impl FnOnce(&Kernel) -> Activity) -> Result<Self> {
+    pub(super) fn new(
+        input: &'a Input<'a>,
+        assembled: &Assembled,
+        curves: Curves,
+        activity: impl FnOnce(&Kernel) -> Activity,
+    ) -> Result<Self> {
         let mesh = Kernel::new(assembled)?;
         let activity = activity(&mesh);
-        let mut state = State { input, mesh, curves, foot: assembled.vertex_face.clone(), size: Vec::new(), activity };
+        let mut state = State { input, mesh, curves, foot: assembled.vertex_face.clone(), size: Vec::new(), activity, log: None };
         for v in 0..state.mesh.vertex_slots() {
             let foot = state.input.walk(state.mesh.at(v), state.foot[v as usize]);
             state.foot[v as usize] = foot.face;
@@ -86,6 +109,7 @@ impl<'a> State<'a> {
 
     /// Moves a vertex onto its foot.
     pub(super) fn place(&mut self, v: u32, foot: &Foot) {
+        self.note(Operation::Place(v, *foot));
         let i = v as usize;
         let moved = distance(self.mesh.position[i], foot.position);
         self.mesh.position[i] = foot.position;
@@ -94,6 +118,12 @@ impl<'a> State<'a> {
         if moved > REST * self.size[i] {
             self.activity.mark_changed(v);
             self.wake_star(v);
+        }
+    }
+
+    fn note(&mut self, operation: Operation) {
+        if let Some(log) = &mut self.log {
+            log.push(operation);
         }
     }
 
@@ -166,6 +196,9 @@ impl<'a> State<'a> {
             return false;
         }
         let Some(t) = self.mesh.twin(h) else { return false };
+        if self.curves != Curves::Flexible && [self.mesh.apex(h), self.mesh.apex(t)].iter().all(|&v| self.is_corner(v)) {
+            return false;
+        }
         let ends = [self.mesh.from(h), self.mesh.from(t), self.mesh.apex(h), self.mesh.apex(t)];
         let [a, b, c, d] = ends.map(|v| self.mesh.at(v));
         let (m, n) = (area_vector_twice(a, b, c), area_vector_twice(b, a, d));
@@ -184,9 +217,17 @@ impl<'a> State<'a> {
                 return false;
             }
         }
+        self.flip(h);
+        true
+    }
+
+    /// Flips an edge, unguarded.
+    pub(super) fn flip(&mut self, h: u32) {
+        let Some(t) = self.mesh.twin(h) else { return };
+        let ends = [self.mesh.from(h), self.mesh.from(t), self.mesh.apex(h), self.mesh.apex(t)];
+        self.note(Operation::Flip(ends[0], ends[1]));
         self.mesh.flip(h);
         self.mark_connected(&ends);
-        true
     }
 
     /// Where a split puts its vertex: the foot of the edge's middle, or the middle itself on a curve.
@@ -205,7 +246,12 @@ impl<'a> State<'a> {
 
     /// Splits an edge at its middle (projected, off curves), unless the surface would fold.
     pub(super) fn try_split(&mut self, h: u32) -> Option<u32> {
-        if self.curves == Curves::Held && self.mesh.is_on_curve(h) {
+        let held = match self.curves {
+            Curves::Flexible => false,
+            Curves::Held => self.mesh.is_on_curve(h),
+            Curves::HeldBoundary => self.mesh.is_boundary(h),
+        };
+        if held {
             return None;
         }
         let (a, b) = (self.mesh.from(h), self.mesh.to(h));
@@ -236,6 +282,7 @@ impl<'a> State<'a> {
 
     /// Splits an edge at a foot, unguarded.
     pub(super) fn split_at(&mut self, h: u32, foot: &Foot) -> u32 {
+        self.note(Operation::Split(self.mesh.from(h), self.mesh.to(h), *foot));
         let v = self.mesh.split(h, foot.position);
         self.foot.push(foot.face);
         self.size.push(self.input.size(foot));
@@ -296,7 +343,7 @@ impl<'a> State<'a> {
 
     /// Collapses `h` into the vertex it reaches, at `foot`, if topology, curves, normals and the distance to the input allow it.
     pub(super) fn try_collapse(&mut self, h: u32, foot: &Foot) -> bool {
-        if !self.mesh.can_collapse(h) {
+        if !self.mesh.can_collapse(h) || (self.curves != Curves::Flexible && self.may_join_beyond(h)) {
             return false;
         }
         let (a, b) = (self.mesh.from(h), self.mesh.to(h));
@@ -325,14 +372,34 @@ impl<'a> State<'a> {
         if dropped > 2.0 * SAG * local {
             return false;
         }
-        self.mesh.collapse(h);
+        self.collapse(h);
         if self.is_free(b) {
             self.place(b, foot);
         }
+        true
+    }
+
+    /// Collapses an edge into the vertex it reaches, unguarded.
+    pub(super) fn collapse(&mut self, h: u32) {
+        let (a, b) = (self.mesh.from(h), self.mesh.to(h));
+        self.note(Operation::Collapse(a, b));
+        self.mesh.collapse(h);
         self.activity.mark_changed(b);
         let ring: Vec<u32> = self.mesh.neighbours(b).collect();
         self.mark_connected(&ring);
-        true
+    }
+
+    /// Whether a collapse may make an edge between two corners, which others may have made, too, or leave a corner too few edges.
+    fn may_join_beyond(&self, h: u32) -> bool {
+        let (a, b) = (self.mesh.from(h), self.mesh.to(h));
+        let mut apexes = [Some(h), self.mesh.twin(h)].into_iter().flatten().map(|side| self.mesh.apex(side));
+        let apexes = [apexes.next(), apexes.next()];
+        apexes.iter().flatten().any(|&c| self.is_corner(c) && self.mesh.valence(c) <= 3)
+            || (self.is_corner(b) && self.mesh.neighbours(a).any(|x| x != b && self.is_corner(x) && !apexes.contains(&Some(x))))
+    }
+
+    fn is_corner(&self, v: u32) -> bool {
+        self.mesh.class[v as usize] == VertexClass::Corner
     }
 
     /// Whether dropping the curve vertex `h` leaves moves its curve by no more than `most`.

@@ -40,7 +40,7 @@ pub(super) fn partition(surface: &Surface<'_>, spec: &PartitionSpec, way: Way, w
     }
     let mut label = cutter.divider.label;
     renumber(&mut label);
-    if spec.borders == BorderSmoothing::Shortest {
+    if spec.borders != BorderSmoothing::Vote {
         straighten_borders(surface, &mut label, limits, work)?;
     }
     finish(surface, label, limits, work)

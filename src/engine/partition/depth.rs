@@ -3,12 +3,11 @@
 //! that runs inwards from the longest border loop. Used only to choose between partitions: it sees no chart that overlaps itself.
 
 use super::homology::DisjointSets;
+use super::nearest::Nearest;
 use super::surface::{Scratch, Surface, measure};
 use super::{Partition, faces_by_patch};
 use crate::error::Result;
 use crate::work::Work;
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
 use std::f64::consts::TAU;
 
 /// Logarithm of the largest ratio of scales that a chart may have.
@@ -36,7 +35,7 @@ pub(super) fn expected_charts(surface: &Surface<'_>, partition: &Partition, work
         let border = measure(surface, label, faces, p as u32, &mut scratch).border;
         let first = longest_loop(surface, label, &border, p as u32);
         let bulge = partition.patches.get(p).map_or(0.0, |summary| summary.aspect_ratio / ROUND);
-        charts += (state.depth(faces, &first, p as u32) / MOST).max(bulge).max(1.0);
+        charts += (state.depth(faces, &first, p as u32, work)? / MOST).max(bulge).max(1.0);
     }
     Ok(charts)
 }
@@ -86,16 +85,16 @@ impl Wave<'_> {
     }
 
     /// Estimated logarithm of the ratio of the largest to the smallest scale of a map of patch `p`. O(faces log faces).
-    fn depth(&mut self, faces: &[u32], first: &[u32], p: u32) -> f64 {
+    fn depth(&mut self, faces: &[u32], first: &[u32], p: u32, work: &Work<'_>) -> Result<f64> {
         let surface = self.surface;
         faces.iter().enumerate().for_each(|(i, &f)| self.slot[f as usize] = i as u32);
         let edges = 3.0 * faces.len() as f64;
         let length: f64 = faces.iter().flat_map(|&f| 3 * f..3 * f + 3).map(|h| surface.length[h as usize]).sum();
         let width = BAND * length / edges.max(1.0);
         if width <= 0.0 || !width.is_finite() {
-            return 0.0;
+            return Ok(0.0);
         }
-        let distance = self.distances(faces, first, p);
+        let distance = self.distances(faces, first, p, work)?;
         let band = |i: usize| (distance[i] / width).min(f64::from(u32::MAX)) as u32;
         let mut sets = DisjointSets::new(faces.len());
         for (i, &f) in faces.iter().enumerate() {
@@ -143,37 +142,23 @@ impl Wave<'_> {
             front[to].scale = scale;
             (low, high) = (low.min(scale), high.max(scale));
         }
-        high - low
+        Ok(high - low)
     }
 
     /// Distances of the faces of a patch from a loop, over the middles of edges.
-    fn distances(&self, faces: &[u32], first: &[u32], p: u32) -> Vec<f64> {
-        let mut distance = vec![f64::INFINITY; faces.len()];
-        let mut heap = BinaryHeap::new();
-        for &h in first {
-            let i = self.slot[h as usize / 3];
-            distance[i as usize] = 0.0;
-            heap.push((Reverse(0u64), Reverse(i)));
-        }
+    fn distances(&self, faces: &[u32], first: &[u32], p: u32, work: &Work<'_>) -> Result<Vec<f64>> {
+        let mut nearest = Nearest::new(faces.len());
+        first.iter().for_each(|&h| nearest.source(self.slot[h as usize / 3]));
         let centre = |f: u32| {
             let [a, b, c] = self.surface.mesh.corners(f as usize);
             [0, 1, 2].map(|k| (a[k] + b[k] + c[k]) / 3.0)
         };
-        while let Some((Reverse(bits), Reverse(i))) = heap.pop() {
-            let from = distance[i as usize];
-            if bits != from.to_bits() {
-                continue;
-            }
+        while let Some(i) = nearest.take(work)? {
             let f = faces[i as usize];
             for g in (3 * f..3 * f + 3).filter_map(|h| self.inside(h, p)) {
-                let j = self.slot[g as usize];
-                let d = from + crate::vector::distance(centre(f), centre(g));
-                if d < distance[j as usize] {
-                    distance[j as usize] = d;
-                    heap.push((Reverse(d.to_bits()), Reverse(j)));
-                }
+                nearest.reach(i, self.slot[g as usize], crate::vector::distance(centre(f), centre(g)));
             }
         }
-        distance
+        Ok(nearest.distance)
     }
 }

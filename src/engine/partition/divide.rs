@@ -87,6 +87,16 @@ impl<'a> Divider<'a> {
         Ok(split_by(faces, &side))
     }
 
+    /// Cuts a connected set of at least two faces in two connected sets by sides that may be scattered: of each side all but the largest
+    /// piece changes sides.
+    pub(super) fn halve_by(&mut self, faces: &[u32], mut side: Vec<bool>) -> (Vec<u32>, Vec<u32>) {
+        for (i, &f) in faces.iter().enumerate() {
+            self.slot[f as usize] = i as u32;
+        }
+        self.connect(faces, &mut side);
+        split_by(faces, &side)
+    }
+
     fn counted_share(&self, total: f64, parts: f64) -> Share {
         let first = first_parts(parts);
         let second = parts - first;

@@ -3,14 +3,13 @@
 
 use super::depth::expected_charts;
 use super::homology::{DisjointSets, Loop, handle_loops, holes_of};
+use super::nearest::Nearest;
 use super::plane::limits_of;
 use super::surface::{Scratch, Surface, measure};
 use super::{Partition, PartitionSpec, complete, connected_sets, face_groups};
 use crate::error::{EngineError, Result};
 use crate::topology::Topology;
 use crate::work::Work;
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
 
 /// Labels of the faces of a piece while it is cut in two.
 const NONE: u8 = 2;
@@ -62,16 +61,16 @@ pub(super) fn open_handles(surface: &Surface<'_>, sets: Vec<Vec<u32>>, loops: Lo
 }
 
 /// A set of faces as a surface of its own. Halfedges keep their face and corner while it is cut open.
-struct Sheet {
+pub(super) struct Sheet {
     /// Halfedge on the other side, in the set and not across a cut; none elsewhere.
     twin: Vec<Option<u32>>,
-    length: Vec<f64>,
+    pub(super) length: Vec<f64>,
     /// Vertex of the whole surface at each corner.
     corner: Vec<u32>,
 }
 
 impl Sheet {
-    fn new(surface: &Surface<'_>, faces: &[u32]) -> Self {
+    pub(super) fn new(surface: &Surface<'_>, faces: &[u32]) -> Self {
         let mut slot = vec![u32::MAX; surface.topology.face_count()];
         faces.iter().enumerate().for_each(|(i, &f)| slot[f as usize] = i as u32);
         let halfedges = || faces.iter().flat_map(|&f| 3 * f..3 * f + 3);
@@ -125,20 +124,25 @@ fn halve(surface: &Surface<'_>, faces: &[u32], loops: Loops, work: &Work<'_>) ->
 }
 
 /// Cuts the sheet along disjoint loops until it has no handle; returns its adjacency then.
-fn cut_open(surface: &Surface<'_>, sheet: &mut Sheet, wanted: Loops, work: &Work<'_>) -> Result<Topology> {
+pub(super) fn cut_open(surface: &Surface<'_>, sheet: &mut Sheet, wanted: Loops, work: &Work<'_>) -> Result<Topology> {
     let mut topology = sheet.topology()?;
     let mut genus = topology.totals().1;
-    let mut on_cut = vec![false; surface.topology.vertex_count()];
+    let mut cuts = vec![Place::Free; surface.topology.vertex_count()];
     let (mut idle, mut round) = (0, 0u32);
     while genus > 0 && idle < IDLE_ROUNDS {
         let root = round.wrapping_mul(0x9E37) % topology.vertex_count().max(1) as u32;
         round += 1;
         let found = handle_loops(&topology, &sheet.length, root, work)?;
-        let cut = choose(surface, sheet, &topology, &found, wanted, &on_cut);
+        let cut = choose(surface, sheet, &topology, &found, wanted, &cuts);
         for &i in &cut {
             for &h in &found[i].edges {
-                on_cut[sheet.corner[h as usize] as usize] = true;
-                on_cut[sheet.corner[topology.next(h) as usize] as usize] = true;
+                for v in [sheet.corner[h as usize], sheet.corner[topology.next(h) as usize]] {
+                    for k in surface.topology.outgoing(v) {
+                        let beside = &mut cuts[surface.topology.target(k) as usize];
+                        *beside = (*beside).max(Place::Beside);
+                    }
+                    cuts[v as usize] = Place::On;
+                }
                 sheet.cut(h);
             }
         }
@@ -150,16 +154,24 @@ fn cut_open(surface: &Surface<'_>, sheet: &mut Sheet, wanted: Loops, work: &Work
     Ok(topology)
 }
 
-/// Loops, sorted by length, that keep at least an edge off each other and off earlier cuts. If all meet earlier cuts, the first alone.
-/// Any disjoint loops of a basis leave the surface connected.
-fn choose(surface: &Surface<'_>, sheet: &Sheet, topology: &Topology, found: &[Loop], wanted: Loops, on_cut: &[bool]) -> Vec<usize> {
-    let pick = |order: &mut dyn Iterator<Item = usize>| {
-        let mut near = vec![false; on_cut.len()];
+/// Where a vertex is with respect to earlier cuts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Place {
+    Free,
+    Beside,
+    On,
+}
+
+/// Loops, sorted by length, that keep at least an edge off each other and off earlier cuts; if there is none, such that meet no earlier
+/// cut; if all do, the first alone. Any disjoint loops of a basis leave the surface connected.
+fn choose(surface: &Surface<'_>, sheet: &Sheet, topology: &Topology, found: &[Loop], wanted: Loops, cuts: &[Place]) -> Vec<usize> {
+    let pick = |order: &mut dyn Iterator<Item = usize>, most: Place| {
+        let mut near = vec![false; cuts.len()];
         let mut chosen = Vec::new();
         for i in order {
             let ends = |&h: &u32| [sheet.corner[h as usize], sheet.corner[topology.next(h) as usize]];
             let vertices: Vec<u32> = found[i].edges.iter().flat_map(ends).collect();
-            if vertices.iter().any(|&v| near[v as usize] || on_cut[v as usize]) {
+            if vertices.iter().any(|&v| near[v as usize] || cuts[v as usize] > most) {
                 continue;
             }
             for v in vertices {
@@ -170,13 +182,17 @@ fn choose(surface: &Surface<'_>, sheet: &Sheet, topology: &Topology, found: &[Lo
         }
         chosen
     };
-    let shortest = pick(&mut (0..found.len()));
-    let dual = match wanted {
-        Loops::Shortest => Vec::new(),
-        Loops::Dual => pick(&mut (0..found.len()).filter(|i| shortest.binary_search(i).is_err())),
-    };
-    let any = if found.is_empty() { Vec::new() } else { vec![0] };
-    [dual, shortest].into_iter().find(|chosen| !chosen.is_empty()).unwrap_or(any)
+    for most in [Place::Free, Place::Beside] {
+        let shortest = pick(&mut (0..found.len()), most);
+        let dual = match wanted {
+            Loops::Shortest => Vec::new(),
+            Loops::Dual => pick(&mut (0..found.len()).filter(|i| shortest.binary_search(i).is_err()), most),
+        };
+        if let Some(chosen) = [dual, shortest].into_iter().find(|chosen| !chosen.is_empty()) {
+            return chosen;
+        }
+    }
+    if found.is_empty() { Vec::new() } else { vec![0] }
 }
 
 /// Gives each side of every cut one of two labels and spreads them: from the cut sides of a label along paths that join them, then to
@@ -225,14 +241,14 @@ fn hole_pairs(closed: &Sheet, flat: &Topology, hole: &[u32]) -> Vec<[u32; 2]> {
 }
 
 /// Faces and the distances between neighbours' centroids, over the common edge.
-struct Dual<'a> {
+pub(super) struct Dual<'a> {
     flat: &'a Topology,
     /// Length of the step over each halfedge.
-    step: Vec<f64>,
+    pub(super) step: Vec<f64>,
 }
 
 impl<'a> Dual<'a> {
-    fn new(surface: &Surface<'_>, faces: &[u32], flat: &'a Topology) -> Self {
+    pub(super) fn new(surface: &Surface<'_>, faces: &[u32], flat: &'a Topology) -> Self {
         // From the centroid to the middle of an edge it is a third of the median.
         let half = |h: usize| {
             let [a, b, c] = surface.mesh.corners(faces[h / 3] as usize);
@@ -244,41 +260,22 @@ impl<'a> Dual<'a> {
         Dual { flat, step }
     }
 
-    fn neighbours(&self, f: u32) -> impl Iterator<Item = (u32, f64)> + '_ {
+    pub(super) fn neighbours(&self, f: u32) -> impl Iterator<Item = (u32, f64)> + '_ {
         (3 * f..3 * f + 3).filter_map(|h| self.flat.twin(h).map(|t| (t / 3, self.step[h as usize])))
     }
 
     /// Distances of all faces from some.
     fn distances(&self, from: impl Iterator<Item = u32>, work: &Work<'_>) -> Result<Vec<f64>> {
-        let mut distance = vec![f64::INFINITY; self.flat.face_count()];
-        let mut heap = Heap::new();
-        for f in from {
-            distance[f as usize] = 0.0;
-            heap.push((Reverse(0), Reverse(f)));
-        }
-        let mut steps = 0usize;
-        while let Some((Reverse(bits), Reverse(f))) = heap.pop() {
-            if bits != distance[f as usize].to_bits() {
-                continue;
-            }
-            steps += 1;
-            if steps.is_multiple_of(CHECK) {
-                work.check()?;
-            }
+        let mut nearest = Nearest::new(self.flat.face_count());
+        from.for_each(|f| nearest.source(f));
+        while let Some(f) = nearest.take(work)? {
             for (g, step) in self.neighbours(f) {
-                let d = distance[f as usize] + step;
-                if d < distance[g as usize] {
-                    distance[g as usize] = d;
-                    heap.push((Reverse(d.to_bits()), Reverse(g)));
-                }
+                nearest.reach(f, g, step);
             }
         }
-        Ok(distance)
+        Ok(nearest.distance)
     }
 }
-
-type Heap = BinaryHeap<(Reverse<u64>, Reverse<u32>)>;
-const CHECK: usize = 1 << 14;
 
 /// 0 or 1 for each hole at a cut such that paired holes differ, `NONE` for the others. Of the two ways for each cluster of pairs the one
 /// is taken that keeps equal colours together: near the two sides of the pair whose sides are farthest apart.
@@ -327,49 +324,32 @@ fn colour_holes(dual: &Dual<'_>, flat: &Topology, pairs: &[[u32; 2]], work: &Wor
 /// Joins the connected sets of faces of label `c` by shortest paths over faces without label, the nearest first. Sets that cannot be
 /// reached stay apart. O(F log F), times a small factor where many sets lie close together.
 fn join(dual: &Dual<'_>, label: &mut [u8], c: u8, work: &Work<'_>) -> Result<()> {
-    let count = label.len();
-    let Some(first) = (0..count as u32).find(|&f| label[f as usize] == c) else { return Ok(()) };
-    let mut distance = vec![f64::INFINITY; count];
-    let mut from = vec![u32::MAX; count];
-    let mut heap = Heap::new();
-    let mut joined = vec![false; count];
-    let mut absorb = |start: u32, label: &[u8], distance: &mut [f64], heap: &mut Heap| {
+    let Some(first) = (0..label.len() as u32).find(|&f| label[f as usize] == c) else { return Ok(()) };
+    let mut nearest = Nearest::new(label.len());
+    let mut joined = vec![false; label.len()];
+    let mut absorb = |start: u32, label: &[u8], nearest: &mut Nearest| {
         let mut stack = vec![start];
         while let Some(f) = stack.pop() {
             if label[f as usize] == c && !std::mem::replace(&mut joined[f as usize], true) {
-                distance[f as usize] = 0.0;
-                heap.push((Reverse(0), Reverse(f)));
+                nearest.source(f);
                 stack.extend(dual.neighbours(f).map(|(g, _)| g));
             }
         }
     };
-    absorb(first, label, &mut distance, &mut heap);
-    let mut steps = 0usize;
-    while let Some((Reverse(bits), Reverse(f))) = heap.pop() {
-        if bits != distance[f as usize].to_bits() {
-            continue;
-        }
-        steps += 1;
-        if steps.is_multiple_of(CHECK) {
-            work.check()?;
-        }
-        if label[f as usize] == c && distance[f as usize] > 0.0 {
+    absorb(first, label, &mut nearest);
+    while let Some(f) = nearest.take(work)? {
+        if label[f as usize] == c && nearest.distance[f as usize] > 0.0 {
             // Another set: the way to it and the set itself are joined.
-            let mut at = from[f as usize];
-            while at != u32::MAX && label[at as usize] == NONE {
+            let mut at = nearest.from[f as usize];
+            while label[at as usize] == NONE {
                 label[at as usize] = c;
-                at = from[at as usize];
+                at = nearest.from[at as usize];
             }
-            absorb(f, label, &mut distance, &mut heap);
+            absorb(f, label, &mut nearest);
             continue;
         }
         for (g, step) in dual.neighbours(f).filter(|(g, _)| label[*g as usize] != 1 - c) {
-            let d = distance[f as usize] + step;
-            if d < distance[g as usize] {
-                distance[g as usize] = d;
-                from[g as usize] = f;
-                heap.push((Reverse(d.to_bits()), Reverse(g)));
-            }
+            nearest.reach(f, g, step);
         }
     }
     Ok(())
@@ -377,24 +357,12 @@ fn join(dual: &Dual<'_>, label: &mut [u8], c: u8, work: &Work<'_>) -> Result<()>
 
 /// Gives every face without label that of the nearest with one.
 fn spread(dual: &Dual<'_>, label: &mut [u8], work: &Work<'_>) -> Result<()> {
-    let mut heap = Heap::new();
-    let mut distance: Vec<f64> = label.iter().map(|&c| if c == NONE { f64::INFINITY } else { 0.0 }).collect();
-    heap.extend((0..label.len() as u32).filter(|&f| label[f as usize] != NONE).map(|f| (Reverse(0), Reverse(f))));
-    let mut steps = 0usize;
-    while let Some((Reverse(bits), Reverse(f))) = heap.pop() {
-        if bits != distance[f as usize].to_bits() {
-            continue;
-        }
-        steps += 1;
-        if steps.is_multiple_of(CHECK) {
-            work.check()?;
-        }
+    let mut nearest = Nearest::new(label.len());
+    (0..label.len() as u32).filter(|&f| label[f as usize] != NONE).for_each(|f| nearest.source(f));
+    while let Some(f) = nearest.take(work)? {
         for (g, step) in dual.neighbours(f) {
-            let d = distance[f as usize] + step;
-            if d < distance[g as usize] {
-                distance[g as usize] = d;
+            if nearest.reach(f, g, step) {
                 label[g as usize] = label[f as usize];
-                heap.push((Reverse(d.to_bits()), Reverse(g)));
             }
         }
     }

@@ -1,14 +1,14 @@
 //! Loops through and around the handles of a surface: tree-cotree decomposition with short fundamental cycles (P3 algorithm 1, with one
 //! shortest path tree for all loops in place of one path for every cut vertex).
 
+use super::nearest::Nearest;
 use crate::error::Result;
 use crate::topology::Topology;
 use crate::work::Work;
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
 
-/// Edges at the boundary count as this much longer: loops keep away from it where they can.
-const BOUNDARY_COST: f64 = 3.0;
+/// Edges at the boundary, and edges at their neighbours, count as this much longer: loops keep away from it where they can.
+const BOUNDARY_COST: f64 = 30.0;
+const NEAR_COST: f64 = 4.0;
 /// Steps between checkpoints.
 const CHECK: usize = 1 << 14;
 
@@ -38,6 +38,7 @@ struct Tree {
 /// # Errors
 /// Only those of `work`.
 pub(super) fn handle_loops(topology: &Topology, length: &[f64], root: u32, work: &Work<'_>) -> Result<Vec<Loop>> {
+    let length = &costs(topology, length);
     let tree = shortest_path_tree(topology, length, root, work)?;
     let mut candidates: Vec<(f64, u32)> = Vec::new();
     for h in (0..topology.halfedge_count() as u32).filter(|&h| topology.is_edge_representative(h)) {
@@ -48,7 +49,7 @@ pub(super) fn handle_loops(topology: &Topology, length: &[f64], root: u32, work:
         if !tree.has_edge(topology, h, a, b) {
             let top = tree.common_ancestor(a, b);
             let cost = tree.distance[a as usize] + tree.distance[b as usize] - 2.0 * tree.distance[top as usize];
-            candidates.push((cost + cost_of(topology, length, h), h));
+            candidates.push((cost + length[h as usize], h));
         }
     }
     candidates.sort_unstable_by(|x, y| y.0.total_cmp(&x.0).then(y.1.cmp(&x.1)));
@@ -76,43 +77,34 @@ pub(super) fn holes_of(topology: &Topology) -> Vec<u32> {
     hole
 }
 
-fn cost_of(topology: &Topology, length: &[f64], h: u32) -> f64 {
-    let at_boundary = topology.is_boundary_vertex(topology.origin(h)) || topology.is_boundary_vertex(topology.target(h));
-    length[h as usize] * if at_boundary { BOUNDARY_COST } else { 1.0 }
+/// Length of each halfedge, more near the boundary.
+fn costs(topology: &Topology, length: &[f64]) -> Vec<f64> {
+    let mut toll = vec![1.0; topology.vertex_count()];
+    for h in topology.loops.iter().flatten() {
+        topology.outgoing(topology.origin(*h)).for_each(|k| toll[topology.target(k) as usize] = NEAR_COST);
+    }
+    topology.loops.iter().flatten().for_each(|&h| toll[topology.origin(h) as usize] = BOUNDARY_COST);
+    let of = |h: u32| toll[topology.origin(h) as usize].max(toll[topology.target(h) as usize]);
+    length.iter().zip(0..).map(|(l, h)| l * of(h)).collect()
 }
 
 /// Dijkstra from `root`, then from the lowest vertex not reached, until all are.
 fn shortest_path_tree(topology: &Topology, length: &[f64], root: u32, work: &Work<'_>) -> Result<Tree> {
     let n = topology.vertex_count();
     let own: Vec<u32> = (0..n as u32).collect();
-    let mut tree = Tree { edge: vec![None; n], parent: own.clone(), depth: vec![0; n], jump: own, distance: vec![f64::INFINITY; n] };
-    let mut settled = vec![false; n];
-    let mut heap: BinaryHeap<(Reverse<u64>, Reverse<u32>)> = BinaryHeap::new();
-    let mut steps = 0;
+    let mut tree = Tree { edge: vec![None; n], parent: own.clone(), depth: vec![0; n], jump: own, distance: Vec::new() };
+    let mut nearest = Nearest::new(n);
     for start in [root].into_iter().chain(0..n as u32).filter(|&v| (v as usize) < n) {
-        if settled[start as usize] {
+        if nearest.distance[start as usize].is_finite() {
             continue;
         }
-        tree.distance[start as usize] = 0.0;
-        heap.push((Reverse(0), Reverse(start)));
-        while let Some((_, Reverse(v))) = heap.pop() {
-            if std::mem::replace(&mut settled[v as usize], true) {
-                continue;
-            }
-            steps += 1;
-            if steps % CHECK == 0 {
-                work.check()?;
-            }
+        nearest.source(start);
+        while let Some(v) = nearest.take(work)? {
+            tree.parent[v as usize] = nearest.from[v as usize];
             tree.settle(v);
-            let from = tree.distance[v as usize];
             let mut relax = |w: u32, h: u32| {
-                let distance = from + cost_of(topology, length, h);
-                if distance < tree.distance[w as usize] {
-                    tree.distance[w as usize] = distance;
-                    tree.parent[w as usize] = v;
+                if nearest.reach(v, w, length[h as usize]) {
                     tree.edge[w as usize] = Some(h);
-                    // Bits of a positive number order as the number does.
-                    heap.push((Reverse(distance.to_bits()), Reverse(w)));
                 }
             };
             for h in topology.outgoing(v) {
@@ -124,6 +116,7 @@ fn shortest_path_tree(topology: &Topology, length: &[f64], root: u32, work: &Wor
             }
         }
     }
+    tree.distance = nearest.distance;
     Ok(tree)
 }
 

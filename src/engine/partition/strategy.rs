@@ -1,7 +1,7 @@
 //! The methods a surface can be partitioned by, and the choice between them.
 
-use super::surface::{Scratch, Surface, measure};
-use super::{Partition, PartitionSpec, cuts, face_groups, handles, laplace, max_cut, multilevel, plane};
+use super::surface::Surface;
+use super::{Partition, PartitionSpec, auto, cuts, handles, laplace, max_cut, multilevel, pants, plane};
 use crate::error::{EngineError, Reason, Result};
 use crate::vector::{Vec3, norm};
 use crate::work::Work;
@@ -9,7 +9,8 @@ use crate::work::Work;
 /// How handles are opened and surfaces divided.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum PartitionStrategy {
-    /// The engine chooses: today always `Multilevel`, and [`Partition::reason`] says why.
+    /// The engine chooses: the fewest patches, tried where handles or long parts let strategies differ; [`Partition::reason`] says what
+    /// was compared.
     #[default]
     Auto,
     /// Recursive cuts of the dual graph until every part has genus 0 (P2 section 4), then borders are smoothed and patches merged
@@ -24,6 +25,10 @@ pub enum PartitionStrategy {
     /// Short handle loops are found (P3 algorithms 1 and 2), and every piece with handles is cut in two pieces of genus 0 such that
     /// each loop has one on either side. These are divided further where size or aspect ratio ask for it.
     Handles,
+    /// Pants decomposition (P3 algorithms 1 and 2): short loops cut the surface into parts of genus 0 with three loops, `2 g - 2 + b` of them
+    /// for genus g and b boundary loops; these are divided further where size or aspect ratio ask for it. Loops are laid along shortest
+    /// paths. Spheres, discs and annuli without handles are cut by no loop.
+    Pants,
     /// Cut by a plane (P3 section 5, the brake block). Parts that still have handles are opened as by `Handles`; parts that are too
     /// large or too slender are divided further.
     Plane {
@@ -46,21 +51,25 @@ pub struct Plane {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum BorderSmoothing {
     /// Faces change patches one at a time where that straightens a border.
-    #[default]
     Vote,
     /// Then every border is laid anew along the shortest edge path within a band around it.
     Shortest,
+    /// Then every border is shortened over the surface to a geodesic nearby, and input triangles are split along it; that is done by
+    /// [`crate::cut`], the partition itself has the shortest edge paths.
+    #[default]
+    Geodesic,
 }
 
 /// Partitions by the strategy of `spec`.
 pub(super) fn partition_by(surface: &Surface<'_>, spec: &PartitionSpec, work: &Work<'_>) -> Result<Partition> {
     const ASKED: &str = "asked for";
     match spec.strategy {
-        PartitionStrategy::Auto => automatic(surface, spec, work),
+        PartitionStrategy::Auto => auto::automatic(surface, spec, work),
         PartitionStrategy::Multilevel => Ok(told(multilevel(surface, spec, work)?, PartitionStrategy::Multilevel, ASKED)),
         PartitionStrategy::Laplace => Ok(told(cuts::partition(surface, spec, laplace::cut, work)?, spec.strategy, ASKED)),
         PartitionStrategy::MaxCut => Ok(told(cuts::partition(surface, spec, max_cut::cut, work)?, spec.strategy, ASKED)),
         PartitionStrategy::Handles => Ok(told(handles::by_handles(surface, spec, work)?, PartitionStrategy::Handles, ASKED)),
+        PartitionStrategy::Pants => Ok(told(pants::by_pants(surface, spec, work)?, PartitionStrategy::Pants, ASKED)),
         PartitionStrategy::Plane { plane: Some(plane) } => {
             check_plane(&plane)?;
             Ok(told(plane::by_given_plane(surface, plane, spec, work)?, spec.strategy, ASKED))
@@ -78,37 +87,11 @@ fn told(partition: Partition, strategy: PartitionStrategy, reason: &str) -> Part
     Partition { strategy, reason: reason.to_string(), ..partition }
 }
 
-fn check_plane(plane: &Plane) -> Result<()> {
+pub(super) fn check_plane(plane: &Plane) -> Result<()> {
     let length = norm(plane.normal);
     if !(length > 0.0 && length.is_finite() && plane.point.iter().all(|x| x.is_finite())) {
         return Err(EngineError::new(Reason::BadParameter, "the plane needs a finite point and a normal of finite length, not 0")
             .with_metadata("field", "strategy.plane"));
     }
     Ok(())
-}
-
-/// The multilevel cut, which needs no trial and no luck. Whether another strategy serves a surface with handles better shows only in the
-/// finished mesh: fewer patches or rounder ones are often split again when they are mapped. So it is told, not guessed.
-fn automatic(surface: &Surface<'_>, spec: &PartitionSpec, work: &Work<'_>) -> Result<Partition> {
-    let partition = multilevel(surface, spec, work)?;
-    let reason = match handles_between_features(surface) {
-        0 => "no piece of the surface between features has a handle".to_owned(),
-        handles => format!(
-            "{handles} handles, which every strategy can open; that another one remeshes better than multilevel cannot be known \
-             beforehand, so it must be asked for"
-        ),
-    };
-    Ok(told(partition, PartitionStrategy::Multilevel, &reason))
-}
-
-/// Handles of all pieces between features. O(F).
-fn handles_between_features(surface: &Surface<'_>) -> u64 {
-    let mut scratch = Scratch::new(surface.topology);
-    let groups = face_groups(surface);
-    let mut label = vec![0u32; surface.topology.face_count()];
-    for (p, group) in groups.iter().enumerate() {
-        group.iter().for_each(|&f| label[f as usize] = p as u32);
-    }
-    let genus = |(p, group): (usize, &Vec<u32>)| measure(surface, &label, group, p as u32, &mut scratch).genus().max(0) as u64;
-    groups.iter().enumerate().map(genus).sum()
 }

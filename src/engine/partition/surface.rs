@@ -104,7 +104,7 @@ impl Piece {
             genus: self.genus().max(0) as u32,
             border_length: self.border_length,
             aspect_ratio: self.aspect_ratio(),
-            box_aspect_ratio: 0.0,
+            ..PatchSummary::default()
         }
     }
 }
@@ -119,7 +119,7 @@ pub(super) struct Limits {
 
 impl Limits {
     /// A chart with very many holes costs the planar mesher more than a seam does.
-    const LOOPS: u32 = 24;
+    pub(super) const LOOPS: u32 = 24;
 
     pub(super) fn new(spec: &PartitionSpec) -> Self {
         Limits { faces: spec.max_patch_faces, loops: Limits::LOOPS, aspect_ratio: spec.max_aspect_ratio }

@@ -8,6 +8,7 @@ use crate::work::CancelToken;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
+mod edits;
 mod strategies;
 mod two_way;
 
@@ -241,8 +242,11 @@ fn few_patches_where_few_are_enough() {
     assert!(count(torus(24), Some(40.0)) <= 3);
     assert!(count(plate(3), None) <= 8);
     assert_eq!(count(cubes(|_| true, [6, 5, 4]), Some(40.0)), 6);
-    // eta of the tube is 14, of a patch 4 at most.
-    assert!((4..=8).contains(&count(tube(24, 14.0), Some(40.0))));
+    // eta of the tube is 14, of a patch 4 at most: cut across it needs 4, along it 2.
+    let tube = case(tube(24, 14.0), Some(40.0));
+    let across = PartitionSpec { strategy: PartitionStrategy::Multilevel, ..PartitionSpec::default() };
+    assert!((4..=8).contains(&tube.partition(&across).patches.len()));
+    assert_eq!(tube.partition(&PartitionSpec::default()).patches.len(), 2);
 }
 
 #[test]

@@ -72,8 +72,8 @@ pub fn cut_in_two(
 ) -> Result<TwoWayCut> {
     check_sizes(mesh, topology, features)?;
     check_faces(faces, topology.face_count())?;
-    if matches!(strategy, PartitionStrategy::Handles | PartitionStrategy::Plane { .. }) {
-        return Err(EngineError::bad_parameter("strategy", "handles and plane partition surfaces; they cut no set of faces in two"));
+    if matches!(strategy, PartitionStrategy::Handles | PartitionStrategy::Pants | PartitionStrategy::Plane { .. }) {
+        return Err(EngineError::bad_parameter("strategy", "handles, pants and plane partition surfaces; they cut no set of faces in two"));
     }
     let surface = Surface::new(mesh, topology, features);
     let limits = Limits { faces: u32::MAX, loops: u32::MAX, aspect_ratio: f64::INFINITY };

@@ -1,14 +1,20 @@
 //! The one file that ties stage functions to stage keys, in the order of the pipeline. In a plan, a stage that is not cached is
 //! recorded as "will run" and nothing below it is looked at.
 
+mod edits;
+mod quality;
+
+pub(super) use quality::{compare_step, quality_step};
+
 use super::context::{Context, Halt, Step};
 use super::kept::Kept;
 use super::naming::{on_surface, refusal};
 use super::patch_set::PatchSet;
-use super::{Charts, Layout, Remesh, Surface};
+use super::{Charts, Layout, Partitioned, Remesh, Surface};
 use crate::assemble::{Assembled, assemble};
 use crate::bvh::TriangleBvh;
-use crate::curve::{CurveKind, CurveMesh, CurvePolyline, PatchCurve, curve_polyline, mesh_curve, patch_curves, trace_curves};
+use crate::curve::{CurveMesh, CurvePolyline, PatchCurve, curve_polyline, mesh_curve, patch_curves, trace_curves};
+use crate::cut::{CutSurface, cut_along_borders};
 use crate::error::{EngineError, Reason, Result};
 use crate::features::{Features, detect_features};
 use crate::fingerprint::Contents;
@@ -19,11 +25,11 @@ use crate::parametrize::{
     BoundaryFactor, ChartFactor, ChartOutcome, ChartSpec, ChartSystem, MapSpec, ProblemSpec, SolvedMap, Weights, candidate_maps, conclude,
     factor_boundary, factor_system, next_map, plan_system, solve_map, unsolved_map,
 };
-use crate::partition::{Partition, partition_surface, split_patches};
+use crate::partition::{BorderSmoothing, Partition, partition_surface, patch_identities, split_patches};
 use crate::patch::{PatchMap, extract_patches};
 use crate::planar::{CurveUse, LiftedPatch, Mesher, PlanarMesh, QuadKind, VertexOrigin, lift, mesh_chart};
 use crate::quads::{QuadInput, base_sizes, make_quads};
-use crate::quality::{MeasuredMesh, QualityReport, QualityScope, TargetSize, measure_quality};
+use crate::regions::{RegionFreedom, assign_regions};
 use crate::sample;
 use crate::session::{MeshSource, Snapshot};
 use crate::sizing::{SizeField, evaluate_size};
@@ -74,7 +80,7 @@ pub(super) fn features_step(context: &Context<'_>, snapshot: &Snapshot, surface:
     context.stage(key, Subject::Surface, |work| detect_features(&surface.imported.mesh, &surface.topology, spec, work))
 }
 
-pub(super) fn partition_step(
+fn partition_step(
     context: &Context<'_>,
     snapshot: &Snapshot,
     surface: &Surface,
@@ -87,21 +93,64 @@ pub(super) fn partition_step(
     context.stage(key, Subject::Surface, |work| partition_surface(&surface.imported.mesh, &surface.topology, features, spec, work))
 }
 
+/// The surface split along straight borders, if the snapshot asks for them.
+fn cut_step(
+    context: &Context<'_>,
+    snapshot: &Snapshot,
+    surface: &Surface,
+    features: &Stored<Features>,
+    partition: &Stored<Partition>,
+) -> Step<Option<Stored<CutSurface>>> {
+    if snapshot.partition.borders != BorderSmoothing::Geodesic {
+        return Ok(None);
+    }
+    let most = snapshot.partition.max_aspect_ratio;
+    let key = StageKey::new(Stage::Cut, |f| {
+        f.fingerprint(surface.imported.output).fingerprint(features.output).fingerprint(partition.output).f64(most);
+    });
+    let mesh = &surface.imported.mesh;
+    let cut = context.stage(key, Subject::Surface, |work| cut_along_borders(mesh, &surface.topology, features, partition, most, work))?;
+    Ok(Some(cut))
+}
+
+/// The partition before any split that charts ask for and any edit.
+pub(super) fn partitioned_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Partitioned> {
+    let surface = surface_step(context, snapshot)?;
+    let features = features_step(context, snapshot, &surface)?;
+    let partition = partition_step(context, snapshot, &surface, &features)?;
+    let cut = cut_step(context, snapshot, &surface, &features, &partition)?;
+    Ok(Partitioned { surface, features, partition, cut })
+}
+
 fn patches_step(
     context: &Context<'_>,
     surface: &Surface,
     features: &Stored<Features>,
     partition: &Stored<Partition>,
+    cut: Option<&Stored<CutSurface>>,
 ) -> Step<Stored<PatchSet>> {
     let key = StageKey::new(Stage::Patches, |f| {
         f.fingerprint(surface.imported.output).fingerprint(features.output).fingerprint(partition.output);
+        cut.into_iter().for_each(|cut| {
+            f.fingerprint(cut.output);
+        });
     });
     context.stage(key, Subject::Surface, |_| {
-        let network = trace_curves(&surface.topology, features, partition);
-        let cut = extract_patches(&surface.imported.mesh, &surface.topology, partition)?;
-        let uses = patch_curves(&surface.topology, &network, partition, &cut);
-        let identities = cut.iter().map(|(patch, map)| map.identity(patch)).collect();
-        let patches = cut.into_iter().map(|(patch, map)| {
+        let identities = patch_identities(&surface.imported.mesh, partition);
+        let (mesh, topology, features, partition): (_, _, &Features, &Partition) = match cut {
+            Some(cut) => (&cut.mesh, &cut.topology, &cut.features, &cut.partition),
+            None => (&surface.imported.mesh, &*surface.topology, features, partition),
+        };
+        let network = trace_curves(topology, features, partition);
+        let mut parts = extract_patches(mesh, topology, partition)?;
+        let uses = patch_curves(topology, &network, partition, &parts);
+        if let Some(cut) = cut {
+            for (_, map) in &mut parts {
+                map.faces.iter_mut().for_each(|f| *f = cut.face_origin[*f as usize]);
+                map.named.iter_mut().for_each(|v| *v = cut.vertex_before(*v));
+            }
+        }
+        let patches = parts.into_iter().map(|(patch, map)| {
             let fingerprint = patch.fingerprint();
             (Arc::new(patch), fingerprint, Arc::new(map))
         });
@@ -117,20 +166,41 @@ fn largest_first(patches: &PatchSet, listed: impl Iterator<Item = usize>) -> Vec
 }
 
 pub(super) fn charts_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Charts> {
-    let Layout { surface, features, partition, patches, charts, resplit } = layout_step(context, snapshot)?;
+    let Layout { surface, features, partition, cut, patches, charts, resplit, edits } = layout_step(context, snapshot)?;
     let charts = charts.into_iter().collect::<Result<Vec<_>>>()?;
-    Ok(Charts { surface, features, partition, patches, charts, resplit })
+    Ok(Charts { surface, features, partition, cut, patches, charts, resplit, edits })
 }
 
-/// The partition all of whose patches have a chart or a specification that gives none. A patch with a specification of its own is never
-/// split, nor is one whose named method is refused: what is wrong is kept beside the others, so that it can be named and mended.
+/// The partition with the user's edits. They are of patches as the user saw them, all with charts, so the log is replayed on those; an
+/// edit may be of halves of patches that edits before it made and that had to be split, so these are mapped before it.
 pub(super) fn layout_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Layout> {
     let surface = surface_step(context, snapshot)?;
     let features = features_step(context, snapshot, &surface)?;
-    let mut partition = partition_step(context, snapshot, &surface, &features)?;
+    let partition = partition_step(context, snapshot, &surface, &features)?;
+    let mut layout = mapped_step(context, snapshot, surface, features, partition)?;
+    while let Some(left) = snapshot.patch_edits.get(layout.edits.len()..).filter(|left| !left.is_empty()) {
+        let edited = edits::edits_step(context, snapshot, &layout, left)?;
+        let Layout { surface, features, edits, resplit, .. } = layout;
+        let edits = [edits, edited.edits.clone()].concat();
+        let mapped = mapped_step(context, snapshot, surface, features, edited)?;
+        layout = Layout { resplit: resplit + mapped.resplit, edits, ..mapped };
+    }
+    Ok(layout)
+}
+
+/// A partition all of whose patches have a chart or a specification that gives none. A patch with a specification of its own is never
+/// split, nor is one whose named method is refused: what is wrong is kept beside the others, so that it can be named and mended.
+fn mapped_step(
+    context: &Context<'_>,
+    snapshot: &Snapshot,
+    surface: Surface,
+    features: Stored<Features>,
+    mut partition: Stored<Partition>,
+) -> Step<Layout> {
     let mut resplit = 0;
     for _ in 0..=MAX_RESPLITS {
-        let patches = patches_step(context, &surface, &features, &partition)?;
+        let cut = cut_step(context, snapshot, &surface, &features, &partition)?;
+        let patches = patches_step(context, &surface, &features, &partition, cut.as_ref())?;
         let order = largest_first(&patches, 0..patches.patches.len());
         let charts = context.each(&order, |p| spec_and_chart_step(context, snapshot, &surface, &patches, p))?;
         let failing: Vec<u32> = (0..charts.len())
@@ -138,7 +208,7 @@ pub(super) fn layout_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<La
             .map(|p| p as u32)
             .collect();
         if failing.is_empty() {
-            return Ok(Layout { surface, features, partition, patches, charts, resplit });
+            return Ok(Layout { surface, features, partition, cut, patches, charts, resplit, edits: Vec::new() });
         }
         resplit += failing.len() as u32;
         let key = StageKey::new(Stage::Partition, |f| {
@@ -322,13 +392,16 @@ pub(super) fn lifted_step(context: &Context<'_>, snapshot: &Snapshot, charts: &C
     let mut wanted: Vec<usize> = listed.iter().flat_map(|&p| patches.uses[p as usize].iter().map(|u| u.curve as usize)).collect();
     wanted.sort_unstable();
     wanted.dedup();
-    let meshed = context.each(&wanted, |c| curve_step(context, charts, sizes, c))?;
+    // Sizes at the vertices of the surface that the patches are cut out of.
+    let split_sizes = charts.cut.as_ref().map(|cut| cut.at_vertices(&sizes.vertex_size));
+    let vertex_size = split_sizes.as_deref().unwrap_or(&sizes.vertex_size);
+    let meshed = context.each(&wanted, |c| curve_step(context, charts, vertex_size, c))?;
     let mut curves = vec![None; patches.network.curves.len()];
     for (c, mesh) in wanted.into_iter().zip(meshed) {
         curves[c] = Some(mesh);
     }
     let order = largest_first(patches, listed.iter().map(|&p| p as usize));
-    let by_patch = context.each(&order, |p| lift_step(context, snapshot, charts, sizes, &curves, p))?;
+    let by_patch = context.each(&order, |p| lift_step(context, snapshot, charts, vertex_size, &curves, p))?;
     // `each` gives results by increasing patch; hand them out in the order asked for.
     let mut sorted: Vec<u32> = listed.to_vec();
     sorted.sort_unstable();
@@ -336,10 +409,10 @@ pub(super) fn lifted_step(context: &Context<'_>, snapshot: &Snapshot, charts: &C
     Ok(Lifted { curves, lifted })
 }
 
-fn curve_step(context: &Context<'_>, charts: &Charts, sizes: &SizeField, c: usize) -> Step<Stored<CurveMesh>> {
-    let surface = &charts.surface;
+fn curve_step(context: &Context<'_>, charts: &Charts, vertex_size: &[f64], c: usize) -> Step<Stored<CurveMesh>> {
+    let (mesh, topology) = charts.ground();
     let curve = &charts.patches.network.curves[c];
-    let polyline: CurvePolyline = curve_polyline(&surface.imported.mesh, &surface.topology, curve, &sizes.vertex_size);
+    let polyline: CurvePolyline = curve_polyline(mesh, topology, curve, vertex_size);
     let key = StageKey::new(Stage::Curve, |f| polyline.feed(f));
     context.stage(key, Subject::Curve(c as u32), |work| mesh_curve(&polyline, work))
 }
@@ -348,7 +421,7 @@ fn lift_step(
     context: &Context<'_>,
     snapshot: &Snapshot,
     charts: &Charts,
-    sizes: &SizeField,
+    vertex_size: &[f64],
     curves: &[Option<Stored<CurveMesh>>],
     p: usize,
 ) -> Step<Stored<LiftedPatch>> {
@@ -357,7 +430,7 @@ fn lift_step(
     let chart = charts.chart(p).ok_or_else(|| EngineError::invariant(format!("patch {p} has no chart")))?;
     // Quadrangles are made of frontal triangles: they share them.
     let mesher = if snapshot.mesher.quads().is_some() { Mesher::Frontal } else { snapshot.mesher };
-    let local_size: Vec<f64> = map.vertices.iter().map(|&v| sizes.vertex_size[v as usize]).collect();
+    let local_size: Vec<f64> = map.vertices.iter().map(|&v| vertex_size[v as usize]).collect();
     let uses = &charts.patches.uses[p];
     let mut meshes = Vec::with_capacity(uses.len());
     for used in uses {
@@ -399,8 +472,10 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
     let tree = search_tree_step(context, &charts.surface.imported);
     let patches = (0..charts.charts.len() as u32).map(Subject::Patch);
     let curves = (0..charts.patches.network.curves.len() as u32).map(Subject::Curve);
-    let each: Vec<(Stage, Subject)> =
-        curves.map(|c| (Stage::Curve, c)).chain(patches.flat_map(|p| [(Stage::Planar, p), (Stage::Lift, p), (Stage::Interior, p)])).collect();
+    let each: Vec<(Stage, Subject)> = curves
+        .map(|c| (Stage::Curve, c))
+        .chain(patches.flat_map(|p| [(Stage::Planar, p), (Stage::Lift, p), (Stage::Interior, p)]))
+        .collect();
     let below = |halt| context.and_below(halt, below_charts, &each);
     let wanted = size_step(context, snapshot, &charts).map_err(below)?;
     let sizes = match quads {
@@ -415,12 +490,19 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
     let tree = tree.map_err(below)?;
     let assembled = assembly_step(context, &charts, &meshes).map_err(below)?;
     let spec = &snapshot.optimize;
+    let freedom = RegionFreedom::new(&charts.features.compounds, snapshot.features.region_borders);
     let key = StageKey::new(Stage::Optimize, |f| {
         f.fingerprint(charts.surface.imported.output).fingerprint(assembled.output).fingerprint(sizes.output).text(&format!("{spec:?}"));
+        if !freedom.is_none() {
+            f.u32s(&freedom.groups());
+        }
     });
     let input = &charts.surface.imported.mesh;
     let result = context.stage(key, Subject::Surface, |work| {
-        optimize_surface(input, &tree.value.output, &assembled, Interiors::Optimized, &sizes, spec, work)
+        let mut result = optimize_surface(input, &tree.value.output, &assembled, Interiors::Optimized, &sizes, spec, work)?;
+        let (mesh, fixed) = (&mut result.mesh, &result.curve_edges);
+        result.lost_regions = assign_regions(input, &tree.value.output, mesh, fixed, freedom, work)?;
+        Ok(result)
     });
     let result = match quads {
         None => result?,
@@ -429,7 +511,7 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
             quads_step(context, &charts, &tree, &base, &wanted, kind)?
         }
     };
-    Ok(Remesh { charts, sizes: wanted, result })
+    Ok(Remesh { charts, sizes: wanted, assembled, result })
 }
 
 fn quads_step(
@@ -442,13 +524,14 @@ fn quads_step(
 ) -> Step<Stored<Remeshed>> {
     let surface = &charts.surface;
     let key = StageKey::new(Stage::Quads, |f| {
-        f.fingerprint(surface.imported.output).fingerprint(charts.patches.output).fingerprint(base.output);
+        f.fingerprint(surface.imported.output).fingerprint(charts.features.output).fingerprint(base.output);
         f.fingerprint(sizes.output).text(&format!("{kind:?}"));
     });
     context.stage(key, Subject::Surface, |work| {
-        let kept = charts.patches.network.curves.iter().filter(|c| c.kind != CurveKind::Seam);
-        let edge = |&h: &u32| [surface.topology.origin(h), surface.topology.target(h)];
-        let curves: Vec<[u32; 2]> = kept.flat_map(|c| &c.halfedges).map(edge).collect();
+        let topology = &surface.topology;
+        let is_kept = |h: &u32| topology.twin(*h).is_none_or(|t| *h < t && charts.features.is_feature[*h as usize]);
+        let kept = (0..topology.halfedge_count() as u32).filter(is_kept);
+        let curves: Vec<[u32; 2]> = kept.map(|h| [topology.origin(h), topology.target(h)]).collect();
         let input = QuadInput { mesh: &surface.imported.mesh, tree: &tree.value.output, curves: &curves };
         make_quads(input, base, sizes, kind, work)
     })
@@ -467,8 +550,8 @@ fn assembly_step(context: &Context<'_>, charts: &Charts, meshes: &Lifted) -> Ste
         let numbered: Vec<(Arc<LiftedPatch>, &PatchMap)> = (0..meshes.lifted.len())
             .map(|p| (Arc::new(with_network_numbers(&meshes.lifted[p], &charts.patches.uses[p])), &*charts.patches.patches[p].2))
             .collect();
-        let surface = &charts.surface;
-        assemble(&surface.imported.mesh, &surface.topology, &charts.features.corners, &charts.patches.network, &curve_meshes, &numbered)
+        let topology = charts.ground().1;
+        assemble(&charts.surface.imported.mesh, topology, &charts.features.corners, &charts.patches.network, &curve_meshes, &numbered)
     })
 }
 
@@ -493,54 +576,4 @@ fn search_tree_step(context: &Context<'_>, imported: &Stored<Imported>) -> Step<
         let tree = TriangleBvh::build(&mesh.positions, &mesh.triangles);
         Ok(Kept { bytes: tree.bytes(), output: tree, of })
     })
-}
-
-pub(super) fn quality_step(context: &Context<'_>, remesh: &Remesh, scope: QualityScope) -> Step<Stored<QualityReport>> {
-    let surface = &remesh.charts.surface;
-    let tree = search_tree_step(context, &surface.imported)?;
-    let key = StageKey::new(Stage::Quality, |f| {
-        f.fingerprint(surface.imported.output).fingerprint(remesh.result.output).fingerprint(remesh.sizes.output).u64(scope as u64);
-    });
-    context.stage(key, Subject::Surface, |work| {
-        let output = &remesh.result.mesh;
-        let target = match remesh.sizes.uniform {
-            Some(size) => TargetSize::Uniform(size),
-            None => TargetSize::PerVertex(sizes_on_output(surface, &tree.value.output, &remesh.sizes, output)?),
-        };
-        let measured = MeasuredMesh { mesh: output, quads: remesh.result.quads };
-        measure_quality(&surface.imported.mesh, &tree.value.output, measured, Some(&target), scope, work)
-    })
-}
-
-/// The size field at the vertices of the output, linear on the input face below each.
-fn sizes_on_output(surface: &Surface, tree: &TriangleBvh, sizes: &SizeField, output: &SurfaceMesh) -> Result<Vec<f64>> {
-    let input = &surface.imported.mesh;
-    let at = |point: &[f64; 3]| {
-        let hit = tree.closest(*point).ok_or_else(|| EngineError::invariant("the search tree is empty"))?;
-        let [a, b, c] = input.corners(hit.face as usize);
-        let [i, j, k] = input.triangles[hit.face as usize].map(|v| sizes.vertex_size[v as usize]);
-        let weight = |p, q| crate::vector::triangle_area(p, q, hit.position);
-        let (wa, wb, wc) = (weight(b, c), weight(c, a), weight(a, b));
-        let sum = wa + wb + wc;
-        Ok(if sum > 0.0 { (wa * i + wb * j + wc * k) / sum } else { i })
-    };
-    output.positions.iter().map(at).collect()
-}
-
-pub(super) fn compare_step(
-    context: &Context<'_>,
-    input: (&MeshSource, &ImportOptions),
-    output: (&MeshSource, &ImportOptions),
-    size: Option<f64>,
-    scope: QualityScope,
-) -> Step<Stored<QualityReport>> {
-    let before = import_source_step(context, input.0, input.1)?;
-    let after = import_source_step(context, output.0, output.1)?;
-    let tree = search_tree_step(context, &before)?;
-    let key = StageKey::new(Stage::Quality, |f| {
-        f.text("compare").fingerprint(before.output).fingerprint(after.output).option_f64(size).u64(scope as u64);
-    });
-    let target = size.map(TargetSize::Uniform);
-    context
-        .stage(key, Subject::Surface, |work| measure_quality(&before.mesh, &tree.value.output, &after.mesh, target.as_ref(), scope, work))
 }

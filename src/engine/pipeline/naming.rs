@@ -18,7 +18,7 @@ pub(super) fn on_surface(halt: Halt, map: &PatchMap) -> Halt {
 fn named_on_surface(error: EngineError, map: &PatchMap) -> EngineError {
     let name = |table: &[u32], id: u32| table.get(id as usize).copied().unwrap_or(id);
     error.map_locations(|location| {
-        let table = if location.element == Element::Face { &map.faces } else { &map.vertices };
+        let table = if location.element == Element::Face { &map.faces } else { &map.named };
         Location { ids: location.ids.iter().map(|&id| name(table, id)).collect(), ..location }
     })
 }

@@ -10,7 +10,7 @@ use std::sync::Arc;
 pub struct PatchSet {
     /// Each patch with its fingerprint and its place in the surface.
     pub patches: Vec<(Arc<Patch>, Fingerprint, Arc<PatchMap>)>,
-    /// [`PatchMap::identity`] of each patch.
+    /// Which patch each is (see [`crate::partition::patch_identities`]).
     pub identities: Vec<Fingerprint>,
     /// The curves.
     pub network: CurveNetwork,
@@ -29,7 +29,7 @@ impl Contents for PatchSet {
     }
 
     fn bytes(&self) -> usize {
-        let patches: usize = self.patches.iter().map(|(p, _, m)| p.bytes() + (m.vertices.len() + m.faces.len()) * 4).sum();
+        let patches: usize = self.patches.iter().map(|(p, _, m)| p.bytes() + (2 * m.vertices.len() + m.faces.len()) * 4).sum();
         let curves: usize = self.network.curves.iter().map(|c| c.halfedges.len() * 4 + 40).sum();
         patches + curves + self.uses.iter().flatten().map(|u| u.path.len() * 4 + 32).sum::<usize>()
     }

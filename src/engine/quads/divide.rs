@@ -56,7 +56,7 @@ pub(super) fn divide(mesh: &mut Mixed, input: &QuadInput<'_>, surface: &Input<'_
             Some(hit) => (hit.position, input.tree.closest(hit.position).map_or(mesh.below[a as usize], |h| h.face)),
             None => {
                 let foot = surface.project(half, mesh.below[a as usize], 0.5 * near.sqrt());
-                (if on_curve { half } else { foot.position }, foot.face)
+                (foot.position, foot.face)
             }
         };
         push(mesh, position, below, on_curve);

@@ -80,6 +80,26 @@ fn brake_has_the_genus_asked_for() {
 }
 
 #[test]
+fn lattices_have_the_genus_asked_for() {
+    for (genus, triangles) in [(None, 4_000), (Some(1), 1_000), (Some(17), 6_000), (None, 60_000)] {
+        let mesh = made(&SampleSpec { genus, ..SampleSpec::new(SampleKind::Lattice, triangles) });
+        assert_eq!(numbers(&mesh), (genus.unwrap_or(if triangles < 60_000 { 16 } else { 240 }), 0));
+        assert!(near(&mesh, triangles), "{genus:?}: {} of {triangles}", mesh.triangles.len());
+    }
+}
+
+#[test]
+fn a_tree_of_130_ends_is_long() {
+    let mesh = made(&SampleSpec { outlets: Some(130), ..SampleSpec::new(SampleKind::Artery, 60_000) });
+    let topology = Topology::build(&mesh.triangles, mesh.positions.len()).expect("manifold");
+    let ends = |h: u32| [0, 1].map(|k| mesh.corners(h as usize / 3)[(h as usize % 3 + k) % 3]);
+    let length = |rim: &Vec<u32>| rim.iter().map(|&h| ends(h)).map(|[a, b]| crate::vector::distance(a, b)).sum::<f64>();
+    let longest = topology.loops.iter().map(length).fold(0.0, f64::max);
+    // P2 section 3 cuts a lung of 129 outlets.
+    assert!(topology.loops.len() > 129 && std::f64::consts::PI * mesh.area() / (longest * longest) > 60.0);
+}
+
+#[test]
 fn tubes_have_the_aspect_ratio_asked_for() {
     for (ratio, triangles) in [(None, 1_000), (Some(0.25), 2_000), (Some(1.0), 4_000), (Some(30.0), 20_000)] {
         let mesh = made(&SampleSpec { aspect_ratio: ratio, ..SampleSpec::new(SampleKind::Tube, triangles) });
@@ -115,7 +135,7 @@ fn the_cad_part_has_its_regions_and_genus() {
 #[test]
 fn samples_are_poor_and_reproducible() {
     use SampleKind::*;
-    for kind in [Artery, Pelvis, Brake, CadPart, Tube] {
+    for kind in [Artery, Pelvis, Brake, CadPart, Tube, Lattice] {
         let spec = SampleSpec::new(kind, 8_000);
         let (one, two) = (made(&spec), made(&spec));
         assert_eq!(one, two);

@@ -8,7 +8,7 @@ fn strip(n: u32) -> (SurfaceMesh, Topology, Features) {
     let positions = (0..=n).flat_map(|i| [[f64::from(i), 0.0, 0.0], [f64::from(i), 1.0, 0.0]]).collect();
     let triangles: Vec<[u32; 3]> = (0..n).flat_map(|i| [[2 * i, 2 * i + 2, 2 * i + 3], [2 * i, 2 * i + 3, 2 * i + 1]]).collect();
     let topology = Topology::build(&triangles, 2 * n as usize + 2).unwrap();
-    let features = Features { is_feature: vec![false; topology.halfedge_count()], corners: Vec::new() };
+    let features = Features { is_feature: vec![false; topology.halfedge_count()], corners: Vec::new(), ..Features::default() };
     (SurfaceMesh::from_parts(positions, triangles), topology, features)
 }
 
@@ -52,7 +52,7 @@ fn graded_on_a_closed_surface_starts_at_one_vertex() {
     let positions = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 0.2], [0.0, 0.0, -1.0]];
     let mesh = SurfaceMesh::from_parts(positions, triangles.to_vec());
     let topology = Topology::build(&triangles, 6).unwrap();
-    let features = Features { is_feature: vec![false; 24], corners: Vec::new() };
+    let features = Features { is_feature: vec![false; 24], corners: Vec::new(), ..Features::default() };
     let cancel = CancelToken::new();
     let spec = SizeSpec::Graded { min_size: 0.1, max_size: 0.2, growth_rate: 1.5 };
     let field = evaluate_size(&mesh, &topology, &features, &spec, &Work::silent(&cancel)).unwrap();

@@ -2,6 +2,7 @@
 
 use remesh_engine::engine::{Engine, EngineConfig};
 use remesh_engine::import::ImportOptions;
+use remesh_engine::partition::{BorderSmoothing, PartitionSpec};
 use remesh_engine::pipeline::{self, Run};
 use remesh_engine::quality::QualityScope;
 use remesh_engine::sample::{SampleKind, SampleSpec};
@@ -25,6 +26,8 @@ fn remeshed(spec: SampleSpec, size: SizeSpec) {
     Topology::build(&output.triangles, output.positions.len()).unwrap();
     assert!(report.topology_kept, "{name}: {:?} became {:?}", report.topology_input, report.topology_output);
     assert_eq!(report.self_intersections, Some(0), "{name}");
+    let seams = report.seams.unwrap();
+    assert_eq!(seams.after.seam.triangles + seams.after.interior.triangles, output.triangles.len() as u64, "{name}");
     let shape = &report.shape;
     assert!(shape.kappa_mean >= 0.96, "{name}: kappa mean {}", shape.kappa_mean);
     assert!(shape.kappa_min >= 0.25, "{name}: kappa min {}", shape.kappa_min);
@@ -68,4 +71,31 @@ fn cad_part() {
 fn tube() {
     let spec = SampleSpec { aspect_ratio: Some(8.0), ..spec(SampleKind::Tube, 6000) };
     remeshed(spec, SizeSpec::TriangleCount { triangles: 5000 });
+}
+
+/// Straight borders, which are the default of all the above: shorter, named by the imported mesh, the same with any number of threads.
+#[test]
+fn straight_borders() {
+    let geodesic = || PartitionSpec { borders: BorderSmoothing::Geodesic, ..PartitionSpec::default() };
+    let wanted = |triangles| SizeSpec::TriangleCount { triangles };
+    let outputs = [1, 4].map(|threads| {
+        let engine = Engine::new(EngineConfig::default());
+        let session = engine.create_session(None, SystemTime::now()).unwrap();
+        let mesh = Change::Mesh { source: MeshSource::Sample(spec(SampleKind::Pelvis, 6000)), options: ImportOptions::default() };
+        session.apply(None, &[mesh, Change::Size(wanted(4000)), Change::Partition(geodesic())]).unwrap();
+        let cancel = CancelToken::new();
+        let run = Run { cancel: &cancel, events: &|_| {}, threads };
+        let remesh = pipeline::remesh(&engine, &session.snapshot(), &run).unwrap().value;
+        let cut = remesh.charts.cut.as_ref().unwrap();
+        assert!(cut.border_length[1] < 0.99 * cut.border_length[0], "{:?}", cut.border_length);
+        // Everything a client sees is named by elements of the imported mesh.
+        let imported = &remesh.charts.surface.imported.mesh;
+        for (patch, _, map) in &remesh.charts.patches.patches {
+            assert!(map.named.iter().all(|&v| (v as usize) < imported.positions.len()));
+            assert!(map.faces.iter().all(|&f| (f as usize) < imported.triangles.len()));
+            assert_eq!((map.named.len(), map.faces.len()), (patch.positions.len(), patch.triangles.len()));
+        }
+        remesh.result.output
+    });
+    assert_eq!(outputs[0], outputs[1]);
 }

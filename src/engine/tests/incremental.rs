@@ -73,7 +73,7 @@ fn another_size_neither_partitions_nor_parametrizes() {
     remesh(&engine, &session, 2);
     session.apply(None, &[Change::Size(SizeSpec::TriangleCount { triangles: 5000 })]).unwrap();
     let (_, records) = remesh(&engine, &session, 2);
-    assert_eq!(ran(&records), BTreeSet::from(["size", "curve", "planar", "lift", "assembly", "optimize"]));
+    assert_eq!(ran(&records), BTreeSet::from(["size", "curve", "planar", "lift", "interior", "assembly", "optimize"]));
 }
 
 #[test]
@@ -82,7 +82,7 @@ fn optimisation_options_run_the_optimisation_only() {
     let session = open(&engine, &pelvis());
     remesh(&engine, &session, 2);
     session.apply(None, &[Change::Optimize(OptimizeSpec { rounds: 2, ..OptimizeSpec::default() })]).unwrap();
-    assert_eq!(ran(&remesh(&engine, &session, 2).1), BTreeSet::from(["optimize"]));
+    assert_eq!(ran(&remesh(&engine, &session, 2).1), BTreeSet::from(["interior", "assembly", "optimize"]));
 }
 
 #[test]

@@ -233,7 +233,7 @@ fn attempt(attempt: &ChartAttempt, map: &PatchMap) -> v1::ChartAttempt {
         overlaps: attempt.overlaps,
         rejected: attempt.rejected.clone(),
         filling: Some(filling(attempt.filling)),
-        pins: attempt.pins.iter().filter_map(|&local| map.vertices.get(local as usize).copied()).collect(),
+        pins: attempt.pins.iter().filter_map(|&local| map.named.get(local as usize).copied()).collect(),
         flipped_before: attempt.flipped_before,
     }
 }

@@ -2,6 +2,7 @@
 //! arrays); ranges of numbers are the engine's to check.
 
 use super::charts::{self, within};
+use super::patches;
 use crate::state::blob_digest;
 use bytes::Bytes;
 use remesh_engine::EngineError;
@@ -175,6 +176,7 @@ pub(crate) fn features(engine: &Engine, spec: &v1::FeatureSpec) -> Result<Featur
             None => Vec::new(),
             Some(array) => u32_rows(engine, array, "features.explicit_edges")?,
         },
+        compounds: spec.compounds.as_ref().map(patches::compound_spec).transpose()?.unwrap_or_default(),
     })
 }
 
@@ -191,8 +193,9 @@ pub(crate) fn partition(spec: &v1::PartitionSpec) -> Result<PartitionSpec> {
     let max_patch_faces = spec.max_patch_faces.unwrap_or(default.max_patch_faces);
     let strategy = strategy(spec)?;
     let borders = match known(spec.borders, "partition.borders")? {
-        v1::PartitionBorders::Unspecified | v1::PartitionBorders::Vote => BorderSmoothing::Vote,
+        v1::PartitionBorders::Vote => BorderSmoothing::Vote,
         v1::PartitionBorders::Shortest => BorderSmoothing::Shortest,
+        v1::PartitionBorders::Unspecified | v1::PartitionBorders::Geodesic => BorderSmoothing::Geodesic,
     };
     Ok(PartitionSpec { patches: spec.patches, max_patch_faces, max_aspect_ratio, strategy, borders })
 }
@@ -204,7 +207,10 @@ fn strategy(spec: &v1::PartitionSpec) -> Result<PartitionStrategy> {
         v1::PartitionStrategy::Laplace => PartitionStrategy::Laplace,
         v1::PartitionStrategy::MaxCut => PartitionStrategy::MaxCut,
         v1::PartitionStrategy::Handles => PartitionStrategy::Handles,
-        v1::PartitionStrategy::Plane => return Ok(PartitionStrategy::Plane { plane: spec.plane.as_ref().map(plane).transpose()? }),
+        v1::PartitionStrategy::Pants => PartitionStrategy::Pants,
+        v1::PartitionStrategy::Plane => {
+            return Ok(PartitionStrategy::Plane { plane: spec.plane.as_ref().map(|p| plane(p, "partition.plane")).transpose()? });
+        }
     };
     match spec.plane {
         None => Ok(strategy),
@@ -212,20 +218,28 @@ fn strategy(spec: &v1::PartitionSpec) -> Result<PartitionStrategy> {
     }
 }
 
-fn plane(plane: &v1::CutPlane) -> Result<Plane> {
-    let vector = |value: Option<v1::Point>, field: &str| {
-        let v1::Point { x, y, z } = required(value, field)?;
+/// A plane; `field` is its path in the request.
+pub(super) fn plane(plane: &v1::CutPlane, field: &str) -> Result<Plane> {
+    let vector = |value: Option<v1::Point>, name: &str| {
+        let field = format!("{field}.{name}");
+        let v1::Point { x, y, z } = required(value, &field)?;
         if [x, y, z].iter().all(|value| value.is_finite()) {
             Ok([x, y, z])
         } else {
-            Err(EngineError::bad_parameter(field, format!("({x}, {y}, {z}) is not finite")))
+            Err(EngineError::bad_parameter(&field, format!("({x}, {y}, {z}) is not finite")))
         }
     };
-    let (point, normal) = (vector(plane.point, "partition.plane.point")?, vector(plane.normal, "partition.plane.normal")?);
+    let (point, normal) = (vector(plane.point, "point")?, vector(plane.normal, "normal")?);
     if normal == [0.0; 3] {
-        return Err(EngineError::bad_parameter("partition.plane.normal", "must not be 0"));
+        return Err(EngineError::bad_parameter(&format!("{field}.normal"), "must not be 0"));
     }
     Ok(Plane { point, normal })
+}
+
+/// The faces that an edit of patches lists.
+pub(super) fn patch_faces(engine: &Engine, array: Option<&v1::PackedArray>) -> Result<Vec<u32>> {
+    let rows: Vec<[u32; 1]> = u32_rows(engine, required(array, "faces")?, "faces")?;
+    Ok(rows.into_flattened())
 }
 
 fn positive(value: f64, field: &str) -> Result<()> {
@@ -369,6 +383,7 @@ pub(crate) fn sample(engine: &Engine, spec: &v1::SampleSpec) -> Result<SampleSpe
             v1::SampleKind::Brake => SampleKind::Brake,
             v1::SampleKind::CadPart => SampleKind::CadPart,
             v1::SampleKind::Tube => SampleKind::Tube,
+            v1::SampleKind::Lattice => SampleKind::Lattice,
         },
         triangles,
         genus: spec.genus,

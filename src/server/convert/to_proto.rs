@@ -1,6 +1,6 @@
 //! Engine results to wire messages. Nothing here can fail.
 
-use super::charts;
+use super::{charts, patches};
 use crate::status::location;
 use remesh_engine::diagnose::{Defect, Diagnosis, Finding};
 use remesh_engine::features::{FeatureSpec, RegionBorders};
@@ -9,6 +9,7 @@ use remesh_engine::mesh::{LengthUnit, Region, SurfaceMesh};
 use remesh_engine::optimize::OptimizeSpec;
 use remesh_engine::partition::{BorderSmoothing, PartitionSpec, PartitionStrategy, PatchSummary, Plane};
 use remesh_engine::planar::{Mesher, QuadKind};
+use remesh_engine::quality::seams::{PartQuality, SeamSplit};
 use remesh_engine::quality::{Fidelity, QuadQuality, QualityReport, ShapeQuality, TopologyNumbers};
 use remesh_engine::session::Snapshot;
 use remesh_engine::sizing::SizeSpec;
@@ -161,7 +162,7 @@ fn topology(numbers: &TopologyNumbers) -> v1::TopologyNumbers {
     }
 }
 
-pub(crate) fn patch_summary(number: usize, patch: &PatchSummary) -> v1::PatchSummary {
+pub(crate) fn patch_summary(number: usize, patch: &PatchSummary, box_aspect_ratio: f64) -> v1::PatchSummary {
     v1::PatchSummary {
         patch: number as u32,
         faces: patch.faces,
@@ -170,7 +171,8 @@ pub(crate) fn patch_summary(number: usize, patch: &PatchSummary) -> v1::PatchSum
         genus: patch.genus,
         border_length: patch.border_length,
         aspect_ratio: patch.aspect_ratio,
-        box_aspect_ratio: patch.box_aspect_ratio,
+        box_aspect_ratio,
+        origin: patches::origin(patch.origin).into(),
     }
 }
 
@@ -229,7 +231,20 @@ pub(crate) fn quality(report: &QualityReport) -> v1::QualityReport {
         intersecting_pairs: report.intersecting_pairs.iter().map(|&[first, second]| v1::FacePair { first, second }).collect(),
         worst_faces: report.worst_faces.clone(),
         quads: report.quads.as_ref().map(quads),
+        seams: report.seams.as_ref().map(|q| v1::SeamQuality { before: Some(seam_split(&q.before)), after: Some(seam_split(&q.after)) }),
     }
+}
+
+fn seam_split(split: &SeamSplit) -> v1::SeamSplit {
+    let part = |part: &PartQuality| v1::PartQuality {
+        triangles: part.triangles,
+        kappa_min: part.kappa_min,
+        kappa_mean: part.kappa_mean,
+        below_half: part.below_half,
+        below_four_fifths: part.below_four_fifths,
+        tau: part.tau,
+    };
+    v1::SeamSplit { seam: Some(part(&split.seam)), interior: Some(part(&split.interior)) }
 }
 
 /// All inputs but the mesh. Arrays are not repeated back.
@@ -242,6 +257,7 @@ pub(crate) fn inputs(snapshot: &Snapshot) -> v1::SessionInputs {
         mesher: Some(mesher(snapshot.mesher)),
         optimize: Some(optimize(&snapshot.optimize)),
         patch_charts: snapshot.patch_charts.len() as u32,
+        patch_edits: snapshot.patch_edits.len() as u32,
     }
 }
 
@@ -256,6 +272,7 @@ fn features(spec: &FeatureSpec) -> v1::FeatureSpec {
         min_chain_share: Some(spec.min_chain_share),
         region_borders: borders.into(),
         explicit_edges: None,
+        compounds: Some(patches::compound_spec_wire(&spec.compounds)),
     }
 }
 
@@ -263,6 +280,7 @@ pub(super) fn partition(spec: &PartitionSpec) -> v1::PartitionSpec {
     let borders = match spec.borders {
         BorderSmoothing::Vote => v1::PartitionBorders::Vote,
         BorderSmoothing::Shortest => v1::PartitionBorders::Shortest,
+        BorderSmoothing::Geodesic => v1::PartitionBorders::Geodesic,
     };
     let (strategy, plane) = strategy(spec.strategy);
     v1::PartitionSpec {
@@ -284,6 +302,7 @@ pub(crate) fn strategy(strategy: PartitionStrategy) -> (v1::PartitionStrategy, O
         PartitionStrategy::Laplace => (Wire::Laplace, None),
         PartitionStrategy::MaxCut => (Wire::MaxCut, None),
         PartitionStrategy::Handles => (Wire::Handles, None),
+        PartitionStrategy::Pants => (Wire::Pants, None),
         PartitionStrategy::Plane { plane } => (Wire::Plane, plane.map(cut_plane)),
     }
 }

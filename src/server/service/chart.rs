@@ -125,7 +125,7 @@ impl ChartData {
         match kind {
             v1::DataColumn::Positions => Column::f64s(kind, held, |d: &ChartData| &d.patch.positions),
             v1::DataColumn::Triangles => Column::u32s(kind, held, |d: &ChartData| &d.patch.triangles),
-            v1::DataColumn::SourceVertex => Column::indices(kind, held, |d: &ChartData| &d.map.vertices),
+            v1::DataColumn::SourceVertex => Column::indices(kind, held, |d: &ChartData| &d.map.named),
             v1::DataColumn::SourceFace => Column::indices(kind, held, |d: &ChartData| &d.map.faces),
             v1::DataColumn::FaceAngleDistortion => self.faces(kind, |face| face.angle),
             v1::DataColumn::FaceAreaDistortion => self.faces(kind, |face| face.area),

@@ -1,12 +1,14 @@
 //! `PartitionService`: the partition, and single patches of the input.
 
-use crate::convert::{from_proto, to_proto};
+use super::patch_edit;
+use crate::convert::{from_proto, patches, to_proto};
 use crate::dispatch::{Call, Intent};
 use crate::state::{Shared, Target};
 use crate::stream::{Chunks, Column, Watch};
 use remesh_engine::EngineError;
 use remesh_engine::error::{Reason, Result as EngineResult};
-use remesh_engine::pipeline::{self, Layout, Run};
+use remesh_engine::partition::PatchRequest;
+use remesh_engine::pipeline::{self, Answer, Layout, Partitioned, Run};
 use remesh_proto::v1;
 use remesh_proto::v1::partition_service_server::PartitionService;
 use std::sync::Arc;
@@ -33,17 +35,32 @@ pub(crate) fn weight_of_layout(shared: &Shared, run: &Run<'_>, target: &Target) 
     Ok(Intent::of_plan(&pipeline::plan_charts(&shared.engine, &target.snapshot, run)?))
 }
 
-fn partition(shared: &Shared, run: &Run<'_>, target: &Target) -> EngineResult<v1::PartitionResult> {
+fn partition(shared: &Shared, run: &Run<'_>, target: &Target, with_charts: bool) -> EngineResult<v1::PartitionResult> {
     let begin = Instant::now();
-    let answer = pipeline::partition(&shared.engine, &target.snapshot, run)?;
-    let patches = answer.value.patches.iter().enumerate().map(|(number, patch)| to_proto::patch_summary(number, patch)).collect();
-    let (strategy, plane) = to_proto::strategy(answer.value.strategy);
+    let snapshot = &target.snapshot;
+    // Edits are of patches after all splits that charts ask for.
+    let with_charts = with_charts || !snapshot.patch_edits.is_empty();
+    let (records, parted, states) = if with_charts {
+        let Answer { value, records } = pipeline::layout(&shared.engine, snapshot, run)?;
+        let Layout { surface, features, partition, cut, edits, .. } = value;
+        (records, Partitioned { surface, features, partition, cut }, edits)
+    } else {
+        let Answer { value, records } = pipeline::partition(&shared.engine, snapshot, run)?;
+        (records, value, Vec::new())
+    };
+    let numbered = parted.summaries().iter().zip(parted.box_aspect_ratios(run)?).enumerate();
+    let patches = numbered.map(|(number, (patch, ratio))| to_proto::patch_summary(number, patch, ratio)).collect();
+    let (strategy, plane) = to_proto::strategy(parted.partition.strategy);
+    let compounds = parted.features.compounds.list.iter().map(|c| patches::compound(&parted.surface.imported.mesh, c)).collect();
     Ok(v1::PartitionResult {
         patches,
-        summary: Some(to_proto::summary(&answer.records, begin.elapsed().as_secs_f64() * 1e3)),
+        summary: Some(to_proto::summary(&records, begin.elapsed().as_secs_f64() * 1e3)),
         strategy: strategy.into(),
-        reason: answer.value.reason.clone(),
+        reason: parted.partition.reason.clone(),
         plane,
+        compounds,
+        edits: snapshot.patch_edits.iter().zip(&states).map(|(edit, state)| patches::edit_state(edit, state)).collect(),
+        with_charts,
     })
 }
 
@@ -64,7 +81,7 @@ fn read(
     let number = check_patch(&layout, request.patch)?;
     let (patch, _, map) = &layout.patches.patches[number];
     let header = v1::PatchDataHeader {
-        patch: layout.partition.patches.get(number).map(|patch| to_proto::patch_summary(number, patch)),
+        patch: layout.summaries().get(number).map(|summary| to_proto::patch_summary(number, summary, patch.box_aspect_ratio())),
         vertices: patch.positions.len() as u64,
         faces: patch.triangles.len() as u64,
         summary: Some(to_proto::summary(&answer.records, begin.elapsed().as_secs_f64() * 1e3)),
@@ -72,7 +89,7 @@ fn read(
     let (patch, map) = (patch.clone(), map.clone());
     let column = move |kind| match kind {
         v1::DataColumn::Triangles => Column::u32s(kind, patch.clone(), |p| &p.triangles),
-        v1::DataColumn::SourceVertex => Column::indices(kind, map.clone(), |m| &m.vertices),
+        v1::DataColumn::SourceVertex => Column::indices(kind, map.clone(), |m| &m.named),
         v1::DataColumn::SourceFace => Column::indices(kind, map.clone(), |m| &m.faces),
         _ => Column::f64s(kind, patch.clone(), |p| &p.positions),
     };
@@ -99,7 +116,7 @@ impl PartitionService for Partitions {
         call.watch(
             move |progress| wrap(Event::Progress(progress)),
             move |result| wrap(Event::Result(result)),
-            move |shared, run| partition(shared, run, &target),
+            move |shared, run| partition(shared, run, &target, request.with_charts),
         )
     }
 
@@ -113,4 +130,45 @@ impl PartitionService for Partitions {
         let intent = call.weigh(move |shared, run| weight_of_layout(shared, run, &planned)).await;
         call.bulk(intent, move |shared, run| read(shared, run, &target, &request)).await
     }
+
+    async fn split_patch(&self, request: Request<v1::SplitPatchRequest>) -> Result<Response<v1::SplitPatchResponse>, Status> {
+        let mut call = Call::begin(&self.0, "SplitPatch", &request)?;
+        let request = request.into_inner();
+        let target = call.target(&request.session, request.base_revision)?;
+        edit(call, target, move |_| patches::split(&request)).await
+    }
+
+    async fn merge_patches(&self, request: Request<v1::MergePatchesRequest>) -> Result<Response<v1::MergePatchesResponse>, Status> {
+        let mut call = Call::begin(&self.0, "MergePatches", &request)?;
+        let request = request.into_inner();
+        let target = call.target(&request.session, request.base_revision)?;
+        edit(call, target, move |_| Ok(patches::merge(&request))).await
+    }
+
+    async fn reassign_faces(&self, request: Request<v1::ReassignFacesRequest>) -> Result<Response<v1::ReassignFacesResponse>, Status> {
+        let mut call = Call::begin(&self.0, "ReassignFaces", &request)?;
+        let request = request.into_inner();
+        let target = call.target(&request.session, request.base_revision)?;
+        edit(call, target, move |shared| patches::reassign(&shared.engine, &request)).await
+    }
+
+    async fn reset_patches(&self, request: Request<v1::ResetPatchesRequest>) -> Result<Response<v1::ResetPatchesResponse>, Status> {
+        let mut call = Call::begin(&self.0, "ResetPatches", &request)?;
+        let request = request.into_inner();
+        let target = call.target(&request.session, request.base_revision)?;
+        call.compute(Intent::Short, move |_, _| patch_edit::reset(&target)).await
+    }
+}
+
+/// Carries an edit out on the pool. It maps the patches that it makes, so it counts as long.
+async fn edit<T: From<patch_edit::Edited> + Send + 'static>(
+    call: Call,
+    target: Target,
+    wanted: impl FnOnce(&Shared) -> EngineResult<PatchRequest> + Send + 'static,
+) -> Result<Response<T>, Status> {
+    call.compute(Intent::Long, move |shared, run| {
+        let request = wanted(shared)?;
+        patch_edit::edit(shared, run, &target, &request).map(T::from)
+    })
+    .await
 }

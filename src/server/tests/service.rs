@@ -19,3 +19,5 @@ mod files;
 mod lifecycle;
 #[path = "service/limits.rs"]
 mod limits;
+#[path = "service/patches.rs"]
+mod patches;

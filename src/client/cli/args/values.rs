@@ -69,7 +69,7 @@ pub(crate) enum ChartMethod {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum PartitionStrategy {
-    /// The engine chooses: today always multilevel
+    /// The engine chooses the fewest patches among the strategies that fit the shape
     Auto,
     /// Recursive cuts of the dual graph
     Multilevel,
@@ -79,6 +79,8 @@ pub(crate) enum PartitionStrategy {
     MaxCut,
     /// Along short loops around or along handles
     Handles,
+    /// Into parts with three loops (pants decomposition)
+    Pants,
     /// By a plane through the handles
     Plane,
 }
@@ -89,6 +91,8 @@ pub(crate) enum BorderChoice {
     Vote,
     /// Then borders are laid along shortest paths within a band
     Shortest,
+    /// Then borders are shortened over the surface, and triangles are split along them
+    Geodesic,
 }
 
 /// A plane.
@@ -177,6 +181,8 @@ pub(crate) enum SampleName {
     CadPart,
     /// Tube, open at both ends
     Tube,
+    /// Struts along the net of a gyroid, of high genus, marching cubes style
+    Lattice,
 }
 
 fn number(text: &str) -> Result<f64, String> {
@@ -200,6 +206,41 @@ pub(super) fn feature_angle(text: &str) -> Result<FeatureAngle, String> {
         Ok(value) if value > 0.0 && value < 180.0 => Ok(FeatureAngle::Degrees(value)),
         _ => Err("must be between 0 and 180 degrees, or `none`".into()),
     }
+}
+
+/// How a patch is cut.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SplitChoice {
+    /// Along a short cut, with about half of the area on either side
+    Balanced,
+    /// Through the centres of harmonic maps at many scales: long patches lengthwise
+    Laplace,
+}
+
+/// A compound, or the word for no compound at all.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum RegionListArg {
+    Regions(Vec<i64>),
+    None,
+}
+
+pub(super) fn region_list(text: &str) -> Result<RegionListArg, String> {
+    if text == "none" {
+        return Ok(RegionListArg::None);
+    }
+    let number = |part: &str| part.trim().parse::<i64>().map_err(|_| format!("'{part}' is not a region number"));
+    text.split(',').map(number).collect::<Result<_, _>>().map(RegionListArg::Regions)
+}
+
+/// A positive number, or none.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum LimitArg {
+    Below(f64),
+    None,
+}
+
+pub(super) fn limit(text: &str) -> Result<LimitArg, String> {
+    if text == "none" { Ok(LimitArg::None) } else { positive(text).map(LimitArg::Below) }
 }
 
 /// `x,y,z,nx,ny,nz`.

@@ -7,12 +7,13 @@ use crate::partition::surface::Surface;
 use crate::partition::{BorderSmoothing, PartitionStrategy, Plane};
 use crate::vector::distance;
 
-const STRATEGIES: [PartitionStrategy; 5] = [
+const STRATEGIES: [PartitionStrategy; 6] = [
     PartitionStrategy::Auto,
     PartitionStrategy::Multilevel,
     PartitionStrategy::Handles,
     PartitionStrategy::Plane { plane: None },
     PartitionStrategy::Laplace,
+    PartitionStrategy::Pants,
 ];
 
 fn by(strategy: &PartitionStrategy) -> PartitionSpec {
@@ -54,14 +55,72 @@ fn two_hundred_handles() {
 }
 
 #[test]
-fn auto_is_the_multilevel_cut_and_tells_of_handles() {
+fn auto_has_the_fewest_patches_of_those_it_compares() {
     for (name, case) in family() {
         let [auto, multilevel] = [0, 1].map(|i| case.partition(&by(&STRATEGIES[i])));
-        assert_eq!((&auto.face_patch, auto.strategy), (&multilevel.face_patch, PartitionStrategy::Multilevel), "{name}");
-        assert_ne!(auto.reason, multilevel.reason);
+        assert!(auto.patches.len() <= multilevel.patches.len(), "{name}");
+        if auto.strategy == PartitionStrategy::Multilevel {
+            assert_eq!(auto.face_patch, multilevel.face_patch, "{name}");
+        } else {
+            let same = case.partition(&by(&auto.strategy));
+            assert!(auto.patches.len() < multilevel.patches.len() || same.patches.len() <= auto.patches.len(), "{name}");
+        }
+        let counted = auto.reason.contains(&format!("{}", multilevel.patches.len()));
+        assert!(counted || auto.reason.contains("no piece"), "{name}: {}", auto.reason);
     }
-    let auto = case(plate(3), None).partition(&PartitionSpec::default());
-    assert!(auto.reason.starts_with("3 handles"), "{}", auto.reason);
+    for (mesh, strategy) in [(disc(20), "no piece"), (sphere(8), "no piece"), (plate(3), "3 handles"), (tube(24, 14.0), "a long piece")] {
+        let auto = case(mesh, None).partition(&PartitionSpec::default());
+        assert!(auto.reason.contains(strategy), "{}", auto.reason);
+    }
+    // A number that is asked for leaves nothing to choose.
+    let given = case(plate(3), None).partition(&PartitionSpec { patches: Some(9), ..PartitionSpec::default() });
+    assert_eq!(given.strategy, PartitionStrategy::Multilevel);
+}
+
+#[test]
+fn pants_have_three_loops_and_are_as_many_as_topology_says() {
+    let holed = |n: u32| {
+        let mut mesh = disc(48);
+        let inside = |p: Vec3, k: u32| (p[0] - (f64::from(k) + 0.5) / f64::from(n)).hypot(p[1] - 0.5) < 0.2 / f64::from(n);
+        let keep = |t: &[u32; 3]| (0..n).all(|k| !t.iter().all(|&v| inside(mesh.positions[v as usize], k)));
+        let triangles = mesh.triangles.iter().copied().filter(keep).collect();
+        mesh = SurfaceMesh::from_parts(mesh.positions, triangles);
+        mesh
+    };
+    // Discs with n holes: n - 1 pairs of pants. The loops of a pair that are not borders of the surface are seams.
+    for n in [2, 3, 5] {
+        let case = case(holed(n), None);
+        let partition = case.partition(&by(&PartitionStrategy::Pants));
+        assert_eq!(partition.patches.len() as u32, n - 1);
+        assert!(partition.patches.iter().all(|p| p.loops == 3), "{n}: {:?}", partition.patches);
+    }
+    // A fine plate of genus g: at least 2 g - 2, a few more where a pair is glued to itself.
+    for g in [2, 3, 4] {
+        let case = case(finer(&finer(&plate(g))), None);
+        let pants = case.partition(&by(&PartitionStrategy::Pants)).patches.len() as i32;
+        assert!((2 * g - 2..=3 * g).contains(&pants), "genus {g}: {pants}");
+    }
+    for whole in [disc(10), tube(24, 1.0)] {
+        assert_eq!(case(whole, None).partition(&by(&PartitionStrategy::Pants)).patches.len(), 1, "no loop is cut");
+    }
+}
+
+/// Every triangle in four.
+fn finer(mesh: &SurfaceMesh) -> SurfaceMesh {
+    let mut positions = mesh.positions.clone();
+    let mut middle: BTreeMap<[u32; 2], u32> = BTreeMap::new();
+    let mut triangles = Vec::new();
+    for t in &mesh.triangles {
+        let m: [u32; 3] = std::array::from_fn(|k| {
+            let (a, b) = (t[k], t[(k + 1) % 3]);
+            *middle.entry([a.min(b), a.max(b)]).or_insert_with(|| {
+                positions.push(crate::vector::lerp(mesh.positions[a as usize], mesh.positions[b as usize], 0.5));
+                positions.len() as u32 - 1
+            })
+        });
+        triangles.extend([[t[0], m[0], m[2]], [m[0], t[1], m[1]], [m[2], m[1], t[2]], m]);
+    }
+    SurfaceMesh::from_parts(positions, triangles)
 }
 
 #[test]
@@ -178,6 +237,28 @@ fn depth_of_tubes_and_discs() {
     // Height over circumference is eta / pi, so the scale falls by exp(2 eta); a chart may have a thousand.
     let ten = charts(tube(24, 10.0));
     assert!((2.3..3.5).contains(&ten), "{ten}");
+}
+
+#[test]
+fn a_deadline_stops_every_strategy_wherever_it_is() {
+    let (mesh, _) = lattice([3, 2, 2]);
+    let cases = [case(finer(&mesh), None), case(tube(12, 20.0), None)];
+    for (case, strategy) in cases.iter().flat_map(|c| STRATEGIES.iter().map(move |s| (c, s))) {
+        let whole = case.partition(&by(strategy));
+        let mut stopped = 0;
+        for k in 0..7 {
+            let deadline = std::time::Instant::now() + std::time::Duration::from_micros(100 << k);
+            let token = CancelToken::new().with_deadline(deadline);
+            match partition_surface(&case.mesh, &case.topology, &case.features, &by(strategy), &Work::silent(&token)) {
+                Ok(partition) => assert_eq!(partition, whole),
+                Err(error) => {
+                    assert_eq!(error.reason(), Reason::DeadlineExceeded, "{strategy:?}");
+                    stopped += 1;
+                }
+            }
+        }
+        assert!(stopped > 0, "{strategy:?}");
+    }
 }
 
 #[test]

@@ -212,7 +212,11 @@ fn both_aspect_ratios_are_told() {
     let long = case(tube(32, 9.0), None);
     let whole = long.partition(&PartitionSpec { max_aspect_ratio: 100.0, ..PartitionSpec::default() });
     let [patch] = &whole.patches[..] else { panic!("one patch") };
-    assert!((patch.box_aspect_ratio / 9.0 - 1.0).abs() < 0.05, "{}", patch.box_aspect_ratio);
+    let token = CancelToken::new();
+    let boxes = box_aspect_ratios(&long.mesh, &long.topology, &whole, &Work::silent(&token)).unwrap();
+    assert!((boxes[0] / 9.0 - 1.0).abs() < 0.05, "{}", boxes[0]);
+    let (alone, _) = &extract_patches(&long.mesh, &long.topology, &whole).unwrap()[0];
+    assert!((boxes[0] / alone.box_aspect_ratio() - 1.0).abs() < 1e-9);
     assert!((patch.aspect_ratio / 9.0 - 1.0).abs() < 0.02, "{}", patch.aspect_ratio);
 }
 

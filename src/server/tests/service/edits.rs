@@ -148,11 +148,15 @@ async fn every_strategy_can_be_asked_for_and_is_told() {
     let pelvis = v1::SampleSpec { kind, triangles: Some(4_000), genus: Some(2), ..Default::default() };
     daemon.import(&session, v1::import_mesh_request::Source::Sample(pelvis)).await.expect("import");
     let change = |spec| v1::change::Change::Partition(spec);
-    for strategy in [Strategy::Auto, Strategy::Multilevel, Strategy::Laplace, Strategy::Handles, Strategy::Plane] {
+    for strategy in [Strategy::Auto, Strategy::Multilevel, Strategy::Laplace, Strategy::Handles, Strategy::Pants, Strategy::Plane] {
         let spec = v1::PartitionSpec { strategy: strategy.into(), ..Default::default() };
         daemon.change(&session, None, change(spec)).await.expect("change");
         let told = partition(&daemon, &session).await;
-        assert_eq!(told.strategy(), if strategy == Strategy::Auto { Strategy::Multilevel } else { strategy });
+        if strategy == Strategy::Auto {
+            assert!(told.strategy() != Strategy::Auto && told.reason.contains("handles"), "{}", told.reason);
+            continue;
+        }
+        assert_eq!(told.strategy(), strategy);
         assert!(told.patches.len() > 1 && told.patches.iter().all(|p| p.genus == 0 && p.loops >= 1), "{strategy:?}");
         assert_eq!(told.plane.is_some(), strategy == Strategy::Plane, "the plane found is told");
     }
@@ -166,6 +170,16 @@ async fn every_strategy_can_be_asked_for_and_is_told() {
     let got = daemon.sessions().get_session(v1::GetSessionRequest { name: session.clone() }).await.expect("get").into_inner();
     let inputs = got.session.and_then(|s| s.inputs).and_then(|i| i.partition).expect("partition");
     assert_eq!((inputs.plane, inputs.strategy(), inputs.borders), (Some(plane), Strategy::Plane, borders));
+    // Straight borders are shorter; the patches are the same ones.
+    let mut lengths = Vec::new();
+    for borders in [v1::PartitionBorders::Shortest, v1::PartitionBorders::Geodesic] {
+        let spec = v1::PartitionSpec { borders: borders.into(), ..Default::default() };
+        daemon.change(&session, None, change(spec)).await.expect("change");
+        let told = partition(&daemon, &session).await;
+        assert!(told.patches.iter().all(|p| p.genus == 0 && p.loops >= 1), "{borders:?}");
+        lengths.push((told.patches.len(), told.patches.iter().map(|p| p.border_length).sum::<f64>()));
+    }
+    assert!(lengths[0].0 == lengths[1].0 && lengths[1].1 < 0.99 * lengths[0].1, "{lengths:?}");
     // What cannot be is refused, with the field.
     let flat = v1::CutPlane { normal: point(0.0, 0.0, 0.0), ..plane };
     let odd = v1::CutPlane { point: point(f64::NAN, 0.0, 0.0), ..plane };

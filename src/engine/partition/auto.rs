@@ -1,0 +1,123 @@
+//! The choice of a strategy: the one with the fewest patches that satisfy the conditions (P2 eq. 5), tried only where strategies can differ.
+
+use super::pants::fewest_pants;
+use super::surface::{Limits, Piece, Scratch, Surface, measure};
+use super::{Partition, PartitionSpec, PartitionStrategy, cuts, face_groups, handles, laplace, multilevel, plane};
+use crate::error::{Reason, Result};
+use crate::work::Work;
+
+/// Trials cost time: they are made only if they could save more than this share of the patches.
+const LEAST_GAIN: f64 = 0.25;
+
+/// Partitions by `Multilevel`; where handles or long parts, rather than size, make the number of patches, also by the strategies that
+/// serve those, and takes the fewest patches, of equal numbers the shortest borders. The reason names what was compared.
+///
+/// # Errors
+/// Those of `Multilevel`; a trial that fails is named in the reason.
+pub(super) fn automatic(surface: &Surface<'_>, spec: &PartitionSpec, work: &Work<'_>) -> Result<Partition> {
+    let pieces = pieces(surface);
+    let first = multilevel(surface, spec, work)?;
+    if spec.patches.is_some() {
+        return Ok(chosen(first, PartitionStrategy::Multilevel, "the number of patches is given".into()));
+    }
+    let handles: i64 = pieces.iter().map(|p| p.genus().max(0)).sum();
+    let long = pieces.iter().filter(|p| is_long(p, spec)).count();
+    let (count, least) = (first.patches.len(), pieces.iter().map(|p| least_patches(p, spec)).sum::<usize>());
+    if handles == 0 && long == 0 {
+        let reason = "no piece of the surface between features has a handle or is long".into();
+        return Ok(chosen(first, PartitionStrategy::Multilevel, reason));
+    }
+    let most_gain = |least: usize| (count.saturating_sub(least)) as f64 / count as f64;
+    if most_gain(least) <= LEAST_GAIN {
+        let reason = format!("{count} patches, where none can do with fewer than {least} of the size allowed");
+        return Ok(chosen(first, PartitionStrategy::Multilevel, reason));
+    }
+    let mut contest = Contest { best: first, strategy: PartitionStrategy::Multilevel, told: vec![format!("multilevel {count}")] };
+    let halved: usize = pieces.iter().map(|p| halvings(p, spec)).sum();
+    if long > 0 && handles == 0 {
+        if most_gain(halved) > LEAST_GAIN {
+            contest.enter(PartitionStrategy::Laplace, "laplace", cuts::partition(surface, spec, laplace::cut, work))?;
+        } else {
+            contest.told.push(format!("laplace, which halves, about {halved}"));
+        }
+    }
+    if handles > 0 {
+        contest.enter(PartitionStrategy::Laplace, "laplace", cuts::partition(surface, spec, laplace::cut, work))?;
+        contest.enter(PartitionStrategy::Handles, "handles", handles::by_handles(surface, spec, work))?;
+        let found = plane::find_plane(surface, work)?;
+        let by_plane = PartitionStrategy::Plane { plane: Some(found.plane) };
+        contest.enter(by_plane, "plane", plane::by_found_plane(surface, found.plane, spec, work))?;
+        contest.told.push(format!("pants at least {}", fewest_pants(pieces.iter().map(|p| (p.genus(), p.loops)))));
+    }
+    let what = match (handles, long) {
+        (0, 1) => "a long piece".to_owned(),
+        (0, n) => format!("{n} long pieces"),
+        (1, _) => "1 handle".to_owned(),
+        (n, _) => format!("{n} handles"),
+    };
+    let reason = format!("the fewest patches for {what} ({})", contest.told.join(", "));
+    Ok(chosen(contest.best, contest.strategy, reason))
+}
+
+/// The best partition so far and what is told of all.
+struct Contest {
+    best: Partition,
+    strategy: PartitionStrategy,
+    told: Vec<String>,
+}
+
+impl Contest {
+    fn enter(&mut self, strategy: PartitionStrategy, name: &str, trial: Result<Partition>) -> Result<()> {
+        let trial = match trial {
+            Ok(trial) => trial,
+            Err(error) if matches!(error.reason(), Reason::Cancelled | Reason::DeadlineExceeded) => return Err(error),
+            Err(_) => {
+                self.told.push(format!("{name} fails"));
+                return Ok(());
+            }
+        };
+        let loops = trial.patches.iter().map(|s| s.loops).max().unwrap_or(0);
+        if loops > Limits::LOOPS {
+            self.told.push(format!("{name} {}, but with up to {loops} loops", trial.patches.len()));
+            return Ok(());
+        }
+        self.told.push(format!("{name} {}", trial.patches.len()));
+        let score = |p: &Partition| (p.patches.len(), p.patches.iter().map(|s| s.border_length).sum::<f64>());
+        if score(&trial) < score(&self.best) {
+            (self.best, self.strategy) = (trial, strategy);
+        }
+        Ok(())
+    }
+}
+
+fn chosen(partition: Partition, strategy: PartitionStrategy, reason: String) -> Partition {
+    Partition { strategy, reason, ..partition }
+}
+
+/// The pieces between features. O(F).
+fn pieces(surface: &Surface<'_>) -> Vec<Piece> {
+    let mut scratch = Scratch::new(surface.topology);
+    let groups = face_groups(surface);
+    let mut label = vec![0u32; surface.topology.face_count()];
+    for (p, group) in groups.iter().enumerate() {
+        group.iter().for_each(|&f| label[f as usize] = p as u32);
+    }
+    groups.iter().enumerate().map(|(p, group)| measure(surface, &label, group, p as u32, &mut scratch)).collect()
+}
+
+/// Genus 0, with a border, and of too large an aspect ratio.
+fn is_long(piece: &Piece, spec: &PartitionSpec) -> bool {
+    piece.genus() == 0 && piece.loops > 0 && piece.aspect_ratio() > spec.max_aspect_ratio
+}
+
+/// Fewest patches that a piece can become by its size and topology.
+fn least_patches(piece: &Piece, spec: &PartitionSpec) -> usize {
+    let by_size = (piece.faces as usize).div_ceil(spec.max_patch_faces as usize);
+    let whole = piece.is_valid(&Limits { loops: u32::MAX, ..Limits::new(spec) });
+    by_size.max(if whole { 1 } else { 2 })
+}
+
+/// Parts of a piece cut into halves until they are small enough.
+fn halvings(piece: &Piece, spec: &PartitionSpec) -> usize {
+    least_patches(piece, spec).next_power_of_two()
+}

@@ -1,0 +1,76 @@
+//! The stages that measure: a result against the session's surface, or any mesh against any other.
+
+use super::{import_source_step, search_tree_step};
+use crate::bvh::TriangleBvh;
+use crate::error::{EngineError, Result};
+use crate::import::ImportOptions;
+use crate::pipeline::context::{Context, Step};
+use crate::pipeline::{Remesh, Surface};
+use crate::quality::seams::{Patched, SeamQuality, measure_seams};
+use crate::quality::{MeasuredMesh, QualityReport, QualityScope, TargetSize, measure_quality};
+use crate::session::MeshSource;
+use crate::sizing::SizeField;
+use crate::stage::{Stage, StageKey, Stored, Subject};
+use crate::vector::Vec3;
+
+pub(in crate::pipeline) fn quality_step(context: &Context<'_>, remesh: &Remesh, scope: QualityScope) -> Step<Stored<QualityReport>> {
+    let surface = &remesh.charts.surface;
+    let tree = search_tree_step(context, &surface.imported)?;
+    let key = StageKey::new(Stage::Quality, |f| {
+        f.fingerprint(surface.imported.output).fingerprint(remesh.assembled.output).fingerprint(remesh.result.output);
+        f.fingerprint(remesh.sizes.output).u64(scope as u64);
+    });
+    context.stage(key, Subject::Surface, |work| {
+        let (output, assembled) = (&remesh.result.mesh, &remesh.assembled);
+        let target = |positions: &[Vec3]| match remesh.sizes.uniform {
+            Some(size) => Ok(TargetSize::Uniform(size)),
+            None => sizes_at(surface, &tree.value.output, &remesh.sizes, positions).map(TargetSize::PerVertex),
+        };
+        let (size, size_before) = (target(&output.positions)?, target(&assembled.positions)?);
+        let before = Patched {
+            positions: &assembled.positions,
+            triangles: &assembled.triangles,
+            face_patch: &assembled.face_patch,
+            curve_edges: &assembled.curve_edges,
+        };
+        let after = Patched::of(output, &remesh.result.face_patch, &remesh.result.curve_edges);
+        let seams = SeamQuality { before: measure_seams(&before, &size_before), after: measure_seams(&after, &size) };
+        let measured = MeasuredMesh { mesh: output, quads: remesh.result.quads };
+        let report = measure_quality(&surface.imported.mesh, &tree.value.output, measured, Some(&size), scope, work)?;
+        // Halves of quadrangles tell nothing of seams.
+        Ok(QualityReport { seams: (remesh.result.quads == 0).then_some(seams), ..report })
+    })
+}
+
+/// The size field at points near the input, linear on the input face below each.
+fn sizes_at(surface: &Surface, tree: &TriangleBvh, sizes: &SizeField, points: &[Vec3]) -> Result<Vec<f64>> {
+    let input = &surface.imported.mesh;
+    let at = |point: &Vec3| {
+        let hit = tree.closest(*point).ok_or_else(|| EngineError::invariant("the search tree is empty"))?;
+        let [a, b, c] = input.corners(hit.face as usize);
+        let [i, j, k] = input.triangles[hit.face as usize].map(|v| sizes.vertex_size[v as usize]);
+        let weight = |p, q| crate::vector::triangle_area(p, q, hit.position);
+        let (wa, wb, wc) = (weight(b, c), weight(c, a), weight(a, b));
+        let sum = wa + wb + wc;
+        Ok(if sum > 0.0 { (wa * i + wb * j + wc * k) / sum } else { i })
+    };
+    points.iter().map(at).collect()
+}
+
+pub(in crate::pipeline) fn compare_step(
+    context: &Context<'_>,
+    input: (&MeshSource, &ImportOptions),
+    output: (&MeshSource, &ImportOptions),
+    size: Option<f64>,
+    scope: QualityScope,
+) -> Step<Stored<QualityReport>> {
+    let before = import_source_step(context, input.0, input.1)?;
+    let after = import_source_step(context, output.0, output.1)?;
+    let tree = search_tree_step(context, &before)?;
+    let key = StageKey::new(Stage::Quality, |f| {
+        f.text("compare").fingerprint(before.output).fingerprint(after.output).option_f64(size).u64(scope as u64);
+    });
+    let target = size.map(TargetSize::Uniform);
+    context
+        .stage(key, Subject::Surface, |work| measure_quality(&before.mesh, &tree.value.output, &after.mesh, target.as_ref(), scope, work))
+}
