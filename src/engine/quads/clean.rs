@@ -50,6 +50,9 @@ impl Cleaner<'_, '_> {
     }
 
     fn is_good_enough(&self, old: &[u32], new: &[Corners]) -> bool {
+        if new.iter().any(|c| self.mesh.is_pinned_flat(super::mixed::corners_of(c))) {
+            return false;
+        }
         let before = self.worst(old.iter().map(|&f| &self.mesh.faces[f as usize]));
         self.worst(new.iter()) >= before.min(LEAST)
     }
@@ -211,7 +214,7 @@ impl Cleaner<'_, '_> {
             }
             let Some(&d) = self.mesh.corners(g).iter().find(|v| **v != a && **v != b) else { continue };
             let quad = [a, d, b, c];
-            if d != c && self.mesh.quality_of(&quad, self.input) > 0.3 {
+            if d != c && !self.mesh.is_pinned_flat(&quad) && self.mesh.quality_of(&quad, self.input) > 0.3 {
                 self.mesh.replace(&[f, g], &[quad]);
                 return true;
             }

@@ -2,10 +2,13 @@
 
 use super::shape::{area_vector, quality};
 use crate::optimize::input::{Foot, Input};
-use crate::vector::{Vec3, add, dot, scale, unit};
+use crate::vector::{Vec3, add, angle_between, dot, scale, sub, unit};
 
 /// "No corner", "no face": only inside this structure.
 pub(super) const NONE: u32 = u32::MAX;
+
+/// Largest angle between curve edges in the corner of a quadrangle: eta 0.4.
+const MOST_PINNED: f64 = 0.8 * std::f64::consts::PI;
 
 /// Corners of a face in order; a triangle has [`NONE`] last.
 pub(super) type Corners = [u32; 4];
@@ -97,6 +100,20 @@ impl Mixed {
         let area = area_vector(points);
         let foot = input.walk(middle, self.below[corners[0] as usize]);
         if looks_with(area, input, &foot) { quality(points) } else { -1.0 }
+    }
+
+    /// Whether a quadrangle has a corner between two curve edges that is so flat that nothing can make a good quadrangle of it.
+    pub(super) fn is_pinned_flat(&self, corners: &[u32]) -> bool {
+        let count = corners.len();
+        count == 4
+            && (0..count).any(|k| {
+                let (before, v, after) = (corners[(k + 3) % 4], corners[k], corners[(k + 1) % 4]);
+                let to = |w: u32| sub(self.position[w as usize], self.position[v as usize]);
+                self.is_fixed[v as usize]
+                    && self.is_curve(before, v)
+                    && self.is_curve(v, after)
+                    && angle_between(to(before), to(after)) > MOST_PINNED
+            })
     }
 
     /// Removes faces and adds others in their place (as many or fewer).

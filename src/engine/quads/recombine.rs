@@ -32,7 +32,7 @@ pub(super) fn recombine(mesh: &mut Mixed, work: &Work<'_>) -> Result<()> {
         let quad = [a, right, b, left];
         let p = quad.map(|v| mesh.position[v as usize]);
         let shape = eta(&p);
-        if left == right || shape < LEAST_ETA {
+        if left == right || shape < LEAST_ETA || mesh.is_pinned_flat(&quad) {
             continue;
         }
         let fold = 1.0 - dot(unit(area_vector_twice(p[0], p[1], p[2])), unit(area_vector_twice(p[0], p[2], p[3])));
