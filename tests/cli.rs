@@ -84,6 +84,20 @@ fn a_sample_is_written_diagnosed_and_remeshed() {
 }
 
 #[test]
+fn quadrangles_are_made_measured_drawn_and_written() {
+    let scratch = Scratch::new("quads");
+    scratch.remesh(&["sample", "tube", "--triangles", "2000", "-o", "tube.stl"]).ok();
+    let run = ["run", "tube.stl", "-o", "out.obj", "--triangles", "2000", "--mesher", "quads", "--all-quads", "--json"];
+    let run = scratch.remesh(&run).ok();
+    assert!(run.out.contains(r#""quads":{"#) && run.out.contains(r#""eta_mean":0."#), "{run:?}");
+    let obj = std::fs::read_to_string(scratch.path("out.obj")).expect("written");
+    let mut faces = obj.lines().filter(|line| line.starts_with("f ")).map(|line| line.split(' ').count() - 1);
+    assert!(faces.all(|corners| corners == 4));
+    let refused = scratch.remesh(&["run", "tube.stl", "-o", "o.obj", "--triangles", "500", "--mesher", "frontal", "--all-quads"]);
+    assert!(refused.code == Some(2) && refused.err.contains("--all-quads"), "{refused:?}");
+}
+
+#[test]
 fn the_same_command_gives_the_same_file() {
     let scratch = Scratch::new("same");
     scratch.remesh(&["sample", "cad-part", "--triangles", "2000", "-o", "part.stl"]).ok();

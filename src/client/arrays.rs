@@ -57,6 +57,8 @@ pub struct MeshData {
     pub features: Vec<[u32; 2]>,
     /// Wanted edge length at each vertex.
     pub size: Vec<f64>,
+    /// Number of quadrangles: for `q` below it `triangles[2 q]` = (a, b, c) and `triangles[2 q + 1]` = (a, c, d) are its halves.
+    pub quads: u64,
     /// The regions.
     pub regions: Vec<v1::Region>,
     /// Unit of the positions.
@@ -177,6 +179,9 @@ impl Client {
 fn mesh_of(revision: u64, header: v1::MeshDataHeader, columns: MeshColumns, mut data: Columns) -> Result<MeshData> {
     let (vertices, faces) = (header.vertices, header.faces);
     let count = |on: bool| if on { faces } else { 0 };
+    if header.quads > faces / 2 {
+        return Err(ClientError::protocol("there are not two faces for each quadrangle"));
+    }
     let mesh = MeshData {
         revision,
         unit: header.unit(),
@@ -187,6 +192,7 @@ fn mesh_of(revision: u64, header: v1::MeshDataHeader, columns: MeshColumns, mut 
         kappa: data.take_flat(DataColumn::FaceKappa, count(columns.kappa))?,
         features: data.take(DataColumn::FeatureEdges, header.feature_edges)?,
         size: data.take_flat(DataColumn::VertexSize, if columns.size { vertices } else { 0 })?,
+        quads: header.quads,
         regions: header.regions,
     };
     check_indices(mesh.triangles.iter().flatten(), mesh.positions.len(), "a triangle names vertex")?;

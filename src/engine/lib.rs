@@ -6,6 +6,7 @@
 
 pub mod error;
 pub mod fingerprint;
+pub mod matching;
 pub mod parallel;
 mod sparse;
 pub mod vector;
@@ -37,6 +38,7 @@ pub mod sizing;
 
 pub mod assemble;
 pub mod optimize;
+pub mod quads;
 pub mod quality;
 pub mod regions;
 

@@ -5,7 +5,7 @@ mod activity;
 mod anisotropic;
 mod capture;
 mod chase;
-mod input;
+pub(crate) mod input;
 mod interior;
 mod kernel;
 mod rescue;
@@ -59,6 +59,8 @@ pub struct Remeshed {
     pub curve_edges: Vec<[u32; 2]>,
     /// Faces that still intersect others after repair; `None` if that was not checked (no rounds).
     pub crossing_faces: Option<u32>,
+    /// Number of quadrangles: for `q` below it faces `2 q` = (a, b, c) and `2 q + 1` = (a, c, d) are the halves of quadrangle (a, b, c, d).
+    pub quads: u32,
     /// Regions of the input (indices, increasing) without a face in the result; filled in after the optimisation.
     pub lost_regions: Vec<u32>,
 }
@@ -66,7 +68,7 @@ pub struct Remeshed {
 impl Contents for Remeshed {
     fn feed(&self, into: &mut Feeder) {
         self.mesh.feed(into);
-        into.u32s(&self.face_patch).tuples(&self.curve_edges);
+        into.u32s(&self.face_patch).tuples(&self.curve_edges).u64(u64::from(self.quads));
     }
 
     fn bytes(&self) -> usize {

@@ -441,7 +441,7 @@ pub fn remesh_patches(
             let message = format!("there is no patch {unknown}; the surface has {count}");
             return Err(EngineError::new(Reason::PatchNotFound, message).into());
         }
-        let sizes = graph::size_step(context, snapshot, &charts)?;
+        let sizes = graph::triangle_sizes(snapshot, &graph::size_step(context, snapshot, &charts)?)?;
         let metric = graph::metric_step(context, snapshot, &charts, &sizes)?;
         let lengths = graph::Wanted::new(&sizes, metric.as_deref());
         let meshes = graph::lifted_step(context, snapshot, &charts, lengths, patches)?;

@@ -128,6 +128,18 @@ pub enum Mesher {
     MeshAdapt,
     /// Follows a metric that asks for different lengths in different directions (see [`crate::metric`]).
     Anisotropic,
+    /// Frontal triangles, of which quadrangles are made on the whole surface (see [`crate::quads`]).
+    Quads(QuadKind),
+}
+
+/// What becomes of triangles that find no partner.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum QuadKind {
+    /// They stay: the result has quadrangles and a few triangles.
+    #[default]
+    Mixed,
+    /// None is left: quadrangles of double size are made first, then all faces are divided.
+    All,
 }
 
 /// Largest least angle that Delaunay refinement can be asked for, in degrees: beyond it need not end.
@@ -136,6 +148,19 @@ pub const MAX_MIN_ANGLE_DEG: f64 = 33.0;
 pub const DEFAULT_MIN_ANGLE_DEG: f64 = 28.0;
 
 impl Mesher {
+    /// The kind of quadrangles it makes, if it does.
+    pub fn quads(self) -> Option<QuadKind> {
+        match self {
+            Mesher::Quads(kind) => Some(kind),
+            _ => None,
+        }
+    }
+
+    /// The mesher that meshes the charts: quadrangles are made of frontal triangles, and share them.
+    pub fn of_charts(self) -> Mesher {
+        if self.quads().is_some() { Mesher::Frontal } else { self }
+    }
+
     /// # Errors
     /// [`Reason::BadParameter`](crate::error::Reason::BadParameter) for a least angle out of range.
     pub fn validate(&self) -> Result<()> {
@@ -233,7 +258,7 @@ fn fill(
     work: &Work<'_>,
 ) -> Result<()> {
     match mesher {
-        Mesher::Frontal => {
+        Mesher::Frontal | Mesher::Quads(_) => {
             frontal::fill(domain, mesh, points, work)?;
             smooth::smooth(domain, mesh, points, first_free, smooth::Smoothing::plain(SMOOTHING_ROUNDS), work)
         }

@@ -57,13 +57,15 @@ pub enum Stage {
     Assembly,
     /// Optimisation on the surface.
     Optimize,
+    /// Quadrangles made of triangles.
+    Quads,
     /// Quality report.
     Quality,
 }
 
 impl Stage {
     /// All stages in pipeline order.
-    pub const ALL: [Stage; 25] = [
+    pub const ALL: [Stage; 26] = [
         Stage::Import,
         Stage::Topology,
         Stage::SearchTree,
@@ -88,6 +90,7 @@ impl Stage {
         Stage::Interior,
         Stage::Assembly,
         Stage::Optimize,
+        Stage::Quads,
         Stage::Quality,
     ];
 
@@ -118,6 +121,7 @@ impl Stage {
             Stage::Interior => "interior",
             Stage::Assembly => "assembly",
             Stage::Optimize => "optimize",
+            Stage::Quads => "quads",
             Stage::Quality => "quality",
         }
     }

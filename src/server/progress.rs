@@ -34,6 +34,7 @@ fn share(stage: Stage) -> f64 {
         Stage::Lift => 2.0,
         Stage::Assembly => 2.0,
         Stage::Optimize => 10.0,
+        Stage::Quads => 20.0,
         Stage::Quality => 5.0,
     }
 }

@@ -98,6 +98,19 @@ pub(crate) fn shape(shape: &v1::ShapeQuality) -> Value {
     })
 }
 
+pub(crate) fn quads(quads: &v1::QuadQuality) -> Value {
+    json!({
+        "quads": quads.quads,
+        "triangles": quads.triangles,
+        "eta_min": quads.eta_min,
+        "eta_mean": quads.eta_mean,
+        "eta_p01": quads.eta_p01,
+        "eta_histogram": quads.eta_histogram,
+        "tau": quads.tau,
+        "edge_ratio_ok": quads.edge_ratio_ok,
+    })
+}
+
 fn fidelity(fidelity: &v1::Fidelity) -> Value {
     json!({
         "diagonal": fidelity.diagonal,
@@ -113,6 +126,7 @@ fn fidelity(fidelity: &v1::Fidelity) -> Value {
 pub(crate) fn quality(report: &v1::QualityReport) -> Value {
     json!({
         "shape": report.shape.as_ref().map(shape),
+        "quads": report.quads.as_ref().map(quads),
         "input_shape": report.input_shape.as_ref().map(shape),
         "fidelity": report.fidelity.as_ref().map(fidelity),
         "topology_input": report.topology_input.as_ref().map(topology),
@@ -363,6 +377,7 @@ fn inputs(inputs: &v1::SessionInputs) -> Value {
     let features = inputs.features.clone().unwrap_or_default();
     let partition = inputs.partition.unwrap_or_default();
     let optimize = inputs.optimize.unwrap_or_default();
+    let mesher = inputs.mesher.clone().unwrap_or_default();
     let size = inputs.size.as_ref().and_then(|size| size.size.as_ref()).map(|size| match size {
         Size::Uniform(length) => json!({ "uniform": length }),
         Size::Triangles(count) => json!({ "triangles": count }),
@@ -396,9 +411,10 @@ fn inputs(inputs: &v1::SessionInputs) -> Value {
         "size": size,
         "lock": inputs.lock.as_ref().and_then(|l| l.lock.as_ref()).map(lock_name),
         "locked": inputs.lock.as_ref().map_or(0, |l| l.count),
-        "mesher": inputs.mesher.as_ref().map(|m| enum_name(m.kind().as_str_name(), "MESHER_KIND_")),
-        "min_angle": inputs.mesher.as_ref().and_then(|m| m.min_angle),
-        "metric": inputs.mesher.as_ref().and_then(|m| m.metric.as_ref()).map(metric),
+        "mesher": enum_name(mesher.kind().as_str_name(), "MESHER_KIND_"),
+        "min_angle": mesher.min_angle,
+        "metric": mesher.metric.as_ref().map(metric),
+        "all_quads": mesher.all_quads,
         "rounds": optimize.rounds,
         "min_kappa": optimize.min_kappa,
     })

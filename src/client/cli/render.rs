@@ -117,7 +117,10 @@ async fn draw_surface(context: &Context, args: &RenderArgs, session: &str, name:
         ColourBy::Kappa | ColourBy::Size => Vec::new(),
     };
     let legend = legend(&mesh, args.by);
-    let triangles = summary::count(mesh.triangles.len() as u64, "triangle", "triangles");
+    let triangles = match mesh.quads {
+        0 => summary::count(mesh.triangles.len() as u64, "triangle", "triangles"),
+        quads => summary::count(quads, "quadrangle", "quadrangles"),
+    };
     let title = match args.by {
         ColourBy::Patch => format!("{name}: {triangles}, {}", summary::count(distinct(&mesh.patch), "patch", "patches")),
         ColourBy::Region => format!("{name}: {triangles}, {}", summary::count(distinct(&mesh.region), "region", "regions")),
@@ -127,6 +130,7 @@ async fn draw_surface(context: &Context, args: &RenderArgs, session: &str, name:
     let mut scene = Scene::new(&mesh.positions, &mesh.triangles);
     scene.colours = FaceColours::PerFace(&colours);
     scene.edges = args.edges.then_some(EDGE);
+    scene.quads = mesh.quads as usize;
     scene.curves = &curves;
     scene.title = Some(&title);
     scene.legend = legend.as_ref();

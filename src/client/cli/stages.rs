@@ -22,7 +22,7 @@ fn group_name(stage: &str) -> &str {
         "topology" | "search_tree" | "features" | "partition" | "cut" | "patches" => "partition",
         "system" | "factor" | "boundary" | "solve" | "chart" => "charts",
         "curvature" | "proximity" | "thickness" | "centerline" | "size" | "metric" | "curve" | "planar" | "lift" => "meshing",
-        "assembly" | "optimize" => "optimisation",
+        "assembly" | "optimize" | "quads" => "optimisation",
         other => other,
     }
 }

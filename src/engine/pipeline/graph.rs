@@ -5,12 +5,14 @@ mod charts;
 mod edits;
 mod lengths;
 mod meshes;
+mod quads;
 mod quality;
 mod sizes;
 
 pub(super) use charts::preview_step;
 pub(super) use lengths::{Wanted, metric_step};
 pub(super) use meshes::lifted_step;
+pub(super) use quads::triangle_sizes;
 pub(super) use quality::{compare_step, quality_step, result_sizes};
 pub(super) use sizes::size_step;
 
@@ -18,6 +20,7 @@ use super::context::{Context, Step};
 use super::kept::Kept;
 use super::patch_set::PatchSet;
 use super::{Charts, Layout, Partitioned, Remesh, Surface};
+use crate::assemble::Assembled;
 use crate::bvh::TriangleBvh;
 use crate::curve::{patch_curves, trace_curves};
 use crate::cut::{CutSurface, cut_along_borders};
@@ -25,7 +28,8 @@ use crate::error::{EngineError, Reason, Result};
 use crate::features::{Features, detect_features};
 use crate::import::{ImportOptions, Imported, import_arrays, import_mesh};
 use crate::mesh::SurfaceMesh;
-use crate::optimize::{Interiors, optimize_in_metric, optimize_surface};
+use crate::metric::SurfaceMetric;
+use crate::optimize::{Interiors, Remeshed, optimize_in_metric, optimize_surface};
 use crate::parametrize::ChartOutcome;
 use crate::partition::{BorderSmoothing, Partition, partition_surface, patch_identities, split_patches};
 use crate::patch::extract_patches;
@@ -33,10 +37,12 @@ use crate::planar::Mesher;
 use crate::regions::{RegionFreedom, assign_regions};
 use crate::sample;
 use crate::session::{MeshSource, Snapshot};
+use crate::sizing::SizeField;
 use crate::stage::{Stage, StageKey, Stored, Subject};
 use crate::topology::Topology;
 use charts::spec_and_chart_step;
 use meshes::assembly_step;
+use quads::quads_step;
 use std::sync::Arc;
 
 /// Largest number of times patches without a usable chart are split.
@@ -222,8 +228,10 @@ fn mapped_step(
 }
 
 pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Remesh> {
-    let below_charts = [Stage::Assembly, Stage::Optimize];
-    let charts = charts_step(context, snapshot).map_err(|halt| context.and_below(halt, &below_charts, &[]))?;
+    let quads = snapshot.mesher.quads();
+    let whole = [Stage::Assembly, Stage::Optimize, Stage::Quads];
+    let below_charts = &whole[..if quads.is_some() { 3 } else { 2 }];
+    let charts = charts_step(context, snapshot).map_err(|halt| context.and_below(halt, below_charts, &[]))?;
     // Looked at before anything below it can halt a plan.
     let tree = search_tree_step(context, &charts.surface.imported);
     let patches = (0..charts.charts.len() as u32).map(Subject::Patch);
@@ -233,14 +241,43 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
         .chain(patches.flat_map(|p| [(Stage::Planar, p), (Stage::Lift, p), (Stage::Interior, p)]))
         .filter(|(stage, _)| *stage != Stage::Interior || snapshot.mesher != Mesher::Anisotropic)
         .collect();
-    let below = |halt| context.and_below(halt, &below_charts, &each);
-    let sizes = size_step(context, snapshot, &charts).map_err(below)?;
+    let below = |halt| context.and_below(halt, below_charts, &each);
+    let wanted = size_step(context, snapshot, &charts).map_err(below)?;
+    let sizes = triangle_sizes(snapshot, &wanted)?;
     let all: Vec<u32> = (0..charts.charts.len() as u32).collect();
     let metric = metric_step(context, snapshot, &charts, &sizes).map_err(below)?;
     let lengths = Wanted::new(&sizes, metric.as_deref());
     let meshes = lifted_step(context, snapshot, &charts, lengths, &all).map_err(below)?;
     let tree = tree.map_err(below)?;
     let assembled = assembly_step(context, &charts, &sizes, &meshes).map_err(below)?;
+    let parts = Joined { charts: &charts, sizes: &sizes, metric: metric.as_ref(), assembled: &assembled };
+    let result = optimize_step(context, snapshot, &tree, &parts);
+    let result = match quads {
+        None => result?,
+        Some(kind) => {
+            let base = result.map_err(|halt| context.and_below(halt, &[Stage::Quads], &[]))?;
+            quads_step(context, &charts, &tree, &base, &wanted, kind)?
+        }
+    };
+    Ok(Remesh { charts, sizes: wanted, metric, assembled, result })
+}
+
+/// What the optimisation is done to.
+struct Joined<'a> {
+    charts: &'a Charts,
+    /// For the triangles, be they of quadrangles.
+    sizes: &'a Stored<SizeField>,
+    metric: Option<&'a Stored<SurfaceMetric>>,
+    assembled: &'a Stored<Assembled>,
+}
+
+fn optimize_step(
+    context: &Context<'_>,
+    snapshot: &Snapshot,
+    tree: &Stored<Kept<TriangleBvh>>,
+    parts: &Joined<'_>,
+) -> Step<Stored<Remeshed>> {
+    let Joined { charts, sizes, metric, assembled } = parts;
     let spec = &snapshot.optimize;
     let freedom = RegionFreedom::new(&charts.features.compounds, snapshot.features.region_borders);
     let key = StageKey::new(Stage::Optimize, |f| {
@@ -248,21 +285,20 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
         if !freedom.is_none() {
             f.u32s(&freedom.groups());
         }
-        if let Some(metric) = &metric {
+        if let Some(metric) = metric {
             f.fingerprint(metric.output);
         }
     });
     let input = &charts.surface.imported.mesh;
-    let result = context.stage(key, Subject::Surface, |work| {
-        let mut result = match &metric {
-            None => optimize_surface(input, &tree.value.output, &assembled, Interiors::Optimized, &sizes, spec, work)?,
-            Some(metric) => optimize_in_metric(input, &tree.value.output, &assembled, metric, spec, work)?,
+    context.stage(key, Subject::Surface, |work| {
+        let mut result = match metric {
+            None => optimize_surface(input, &tree.value.output, assembled, Interiors::Optimized, sizes, spec, work)?,
+            Some(metric) => optimize_in_metric(input, &tree.value.output, assembled, metric, spec, work)?,
         };
         let (mesh, fixed) = (&mut result.mesh, &result.curve_edges);
         result.lost_regions = assign_regions(input, &tree.value.output, mesh, fixed, freedom, work)?;
         Ok(result)
-    })?;
-    Ok(Remesh { charts, sizes, metric, assembled, result })
+    })
 }
 
 fn search_tree_step(context: &Context<'_>, imported: &Stored<Imported>) -> Step<Stored<Kept<TriangleBvh>>> {

@@ -59,7 +59,7 @@ pub(super) fn measure_shape(mesh: &SurfaceMesh, edges: &[Edge], target: Option<&
 }
 
 /// Linear interpolation between the order statistics.
-fn percentile(values: &mut [f64], share: f64) -> f64 {
+pub(super) fn percentile(values: &mut [f64], share: f64) -> f64 {
     let at = share * (values.len() - 1) as f64;
     let below = at.floor() as usize;
     let (_, low, rest) = values.select_nth_unstable_by(below, f64::total_cmp);
@@ -88,7 +88,7 @@ pub(super) fn length_in(target: &TargetSize, positions: &[Vec3], a: usize, b: us
     }
 }
 
-fn measure_sizes(mesh: &SurfaceMesh, edges: &[Edge], target: &TargetSize) -> (Option<f64>, Option<f64>) {
+pub(super) fn measure_sizes(mesh: &SurfaceMesh, edges: &[Edge], target: &TargetSize) -> (Option<f64>, Option<f64>) {
     let (mut sum, mut fine) = (0.0, 0u64);
     for edge in edges {
         let [a, b] = edge.ends.map(|v| v as usize);

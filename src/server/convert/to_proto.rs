@@ -9,7 +9,7 @@ use remesh_engine::mesh::{LengthUnit, Region, SurfaceMesh};
 use remesh_engine::optimize::OptimizeSpec;
 use remesh_engine::partition::{BorderSmoothing, PartitionSpec, PartitionStrategy, PatchSummary, Plane};
 use remesh_engine::quality::seams::{PartQuality, SeamSplit};
-use remesh_engine::quality::{Fidelity, QualityReport, ShapeQuality, TopologyNumbers};
+use remesh_engine::quality::{Fidelity, QuadQuality, QualityReport, ShapeQuality, TopologyNumbers};
 use remesh_engine::session::Snapshot;
 use remesh_engine::stage::{Outcome, StageRecord, Subject};
 use remesh_engine::vector::bounds;
@@ -192,6 +192,19 @@ pub(crate) fn shape(shape: &ShapeQuality) -> v1::ShapeQuality {
     }
 }
 
+pub(crate) fn quads(quads: &QuadQuality) -> v1::QuadQuality {
+    v1::QuadQuality {
+        quads: quads.quads,
+        triangles: quads.triangles,
+        eta_min: quads.eta_min,
+        eta_mean: quads.eta_mean,
+        eta_p01: quads.eta_p01,
+        eta_histogram: quads.eta_histogram.clone(),
+        tau: quads.tau,
+        edge_ratio_ok: quads.edge_ratio_ok,
+    }
+}
+
 fn fidelity(fidelity: &Fidelity) -> v1::Fidelity {
     v1::Fidelity {
         diagonal: fidelity.diagonal,
@@ -215,6 +228,7 @@ pub(crate) fn quality(report: &QualityReport) -> v1::QualityReport {
         self_intersections: report.self_intersections,
         intersecting_pairs: report.intersecting_pairs.iter().map(|&[first, second]| v1::FacePair { first, second }).collect(),
         worst_faces: report.worst_faces.clone(),
+        quads: report.quads.as_ref().map(quads),
         seams: report.seams.as_ref().map(|q| v1::SeamQuality { before: Some(seam_split(&q.before)), after: Some(seam_split(&q.after)) }),
     }
 }

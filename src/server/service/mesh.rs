@@ -58,6 +58,14 @@ enum Picked {
 }
 
 impl Picked {
+    /// Number of quadrangles whose halves come first.
+    fn quads(&self) -> u32 {
+        match self {
+            Picked::Input(_) => 0,
+            Picked::Result(remeshed) => remeshed.quads,
+        }
+    }
+
     fn mesh(&self) -> &SurfaceMesh {
         match self {
             Picked::Input(imported) => &imported.mesh,
@@ -114,9 +122,15 @@ fn face_kappa(mesh: &SurfaceMesh, face: usize) -> f64 {
 }
 
 /// Writes a mesh with what the format has a place for.
-pub(crate) fn write(mesh: &SurfaceMesh, patch: Option<&[u32]>, format: Format, encoding: Encoding) -> EngineResult<Exported> {
+pub(crate) fn write(
+    mesh: &SurfaceMesh,
+    patch: Option<&[u32]>,
+    quads: u32,
+    format: Format,
+    encoding: Encoding,
+) -> EngineResult<Exported> {
     let kappas: Option<Vec<f64>> = (format == Format::Vtu).then(|| (0..mesh.triangles.len()).map(|f| face_kappa(mesh, f)).collect());
-    export_mesh(mesh, FaceData { patch, kappa: kappas.as_deref() }, format, encoding)
+    export_mesh(mesh, FaceData { patch, kappa: kappas.as_deref(), quads }, format, encoding)
 }
 
 fn export(
@@ -134,12 +148,13 @@ fn export(
         Picked::Result(remeshed) => Some(remeshed.face_patch.as_slice()),
         Picked::Input(_) => None,
     };
-    let written = write(picked.mesh(), patch, format, encoding)?;
+    let written = write(picked.mesh(), patch, picked.quads(), format, encoding)?;
     let header = v1::ExportHeader {
         total_bytes: written.bytes.len() as u64,
         warnings: written.warnings,
         vertices: picked.mesh().positions.len() as u64,
         faces: picked.mesh().triangles.len() as u64,
+        quads: picked.quads().into(),
         summary: Some(to_proto::summary(&records, milliseconds(begin))),
     };
     let revision = target.revision();
@@ -230,6 +245,7 @@ fn read(
     let header = v1::MeshDataHeader {
         vertices: mesh.positions.len() as u64,
         faces: mesh.triangles.len() as u64,
+        quads: data.mesh.quads().into(),
         feature_edges: if wants(v1::DataColumn::FeatureEdges) { feature_edges as u64 } else { 0 },
         regions: to_proto::regions(&mesh.regions),
         unit: to_proto::unit(mesh.unit).into(),

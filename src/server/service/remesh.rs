@@ -31,6 +31,7 @@ fn remesh_all(shared: &Shared, run: &Run<'_>, snapshot: &Snapshot) -> EngineResu
         shape: Some(to_proto::shape(&report.shape)),
         summary: Some(to_proto::summary(&answer.records, begin.elapsed().as_secs_f64() * 1e3)),
         warnings: remesh.warnings(snapshot),
+        quads: report.quads.as_ref().map(to_proto::quads),
     })
 }
 
@@ -48,6 +49,7 @@ fn remesh_listed(shared: &Shared, run: &Run<'_>, snapshot: &Snapshot, patches: &
         shape: None,
         summary: Some(to_proto::summary(&answer.records, begin.elapsed().as_secs_f64() * 1e3)),
         warnings: Vec::new(),
+        quads: None,
     })
 }
 
@@ -117,7 +119,7 @@ fn one_call(shared: &Shared, run: &Run<'_>, request: v1::RemeshMeshRequest) -> E
     let snapshot = one_call_inputs(shared, request)?;
     let answer = pipeline::quality(&shared.engine, &snapshot, scope, run)?;
     let (remesh, report) = answer.value;
-    let written = write(&remesh.result.mesh, Some(&remesh.result.face_patch), format, encoding)?;
+    let written = write(&remesh.result.mesh, Some(&remesh.result.face_patch), remesh.result.quads, format, encoding)?;
     let warnings = remesh.warnings(&snapshot).into_iter().chain(written.warnings).collect();
     check_inline(shared, written.bytes.len(), "the result")?;
     Ok(v1::RemeshMeshResponse {

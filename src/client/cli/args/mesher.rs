@@ -11,6 +11,8 @@ pub(crate) enum MesherName {
     Delaunay,
     MeshAdapt,
     Anisotropic,
+    /// Quadrangles and a few triangles
+    Quads,
 }
 
 /// How charts are meshed.
@@ -23,6 +25,9 @@ pub(crate) struct MesherArgs {
     /// Least angle for `--mesher delaunay`, at most 33 [default: 28]
     #[arg(long, value_name = "DEGREES", allow_negative_numbers = true)]
     pub(crate) min_angle: Option<f64>,
+    /// With `--mesher quads`: no triangle is left
+    #[arg(long)]
+    pub(crate) all_quads: bool,
     #[command(flatten)]
     pub(crate) metric: MetricArgs,
 }

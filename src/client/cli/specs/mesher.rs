@@ -29,12 +29,17 @@ fn put_mesher(args: &MesherArgs, current: &v1::MesherSpec) -> Outcome<v1::Mesher
         MesherName::Delaunay => v1::MesherKind::Delaunay,
         MesherName::MeshAdapt => v1::MesherKind::MeshAdapt,
         MesherName::Anisotropic => v1::MesherKind::Anisotropic,
+        MesherName::Quads => v1::MesherKind::Quads,
     });
     let mut spec = if kind == current.kind() { current.clone() } else { v1::MesherSpec::default() };
     spec.set_kind(kind);
     if args.min_angle.is_some() && kind != v1::MesherKind::Delaunay {
         return usage("--min-angle goes with --mesher delaunay");
     }
+    if args.all_quads && kind != v1::MesherKind::Quads {
+        return usage("--all-quads goes with --mesher quads");
+    }
+    spec.all_quads = if args.mesher.is_some() { args.all_quads } else { spec.all_quads || args.all_quads };
     spec.min_angle = args.min_angle.or(spec.min_angle);
     if args.metric == MetricArgs::default() {
         return Ok(spec);
@@ -63,13 +68,18 @@ mod tests {
     fn options_go_with_their_mesher() {
         let frontal = v1::MesherSpec::default();
         let args =
-            |mesher, min_angle, max_stretch| MesherArgs { mesher, min_angle, metric: MetricArgs { max_stretch, ..MetricArgs::default() } };
+            |mesher, min_angle, max_stretch| MesherArgs { mesher, min_angle, all_quads: false, metric: MetricArgs { max_stretch, ..MetricArgs::default() } };
         let delaunay = put_mesher(&args(Some(MesherName::Delaunay), Some(20.0), None), &frontal).unwrap();
         assert_eq!((delaunay.kind(), delaunay.min_angle), (v1::MesherKind::Delaunay, Some(20.0)));
         assert!(put_mesher(&args(None, Some(20.0), None), &frontal).is_err());
         assert!(put_mesher(&args(Some(MesherName::MeshAdapt), None, Some(5.0)), &frontal).is_err());
         let stretched = put_mesher(&args(Some(MesherName::Anisotropic), None, Some(5.0)), &delaunay).unwrap();
         assert_eq!((stretched.min_angle, stretched.metric.clone().and_then(|m| m.max_stretch)), (None, Some(5.0)));
+        let quads = |mesher, all_quads| MesherArgs { mesher, all_quads, ..MesherArgs::default() };
+        let all = put_mesher(&quads(Some(MesherName::Quads), true), &delaunay).unwrap();
+        assert_eq!((all.kind(), all.all_quads, all.min_angle), (v1::MesherKind::Quads, true, None));
+        assert!(!put_mesher(&quads(Some(MesherName::Quads), false), &all).unwrap().all_quads);
+        assert!(put_mesher(&quads(Some(MesherName::Frontal), true), &all).is_err());
         // What is not named stays while the mesher does.
         let mut finer = args(None, None, None);
         finer.metric.metric_deviation = Some(0.1);

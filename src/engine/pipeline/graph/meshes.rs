@@ -69,6 +69,7 @@ fn lift_step(
     p: usize,
 ) -> Step<Stored<LiftedPatch>> {
     let (patch, fingerprint, map) = &charts.patches.patches[p];
+    let mesher = snapshot.mesher.of_charts();
     let subject = Subject::Patch(p as u32);
     let chart = charts.chart(p).ok_or_else(|| EngineError::invariant(format!("patch {p} has no chart")))?;
     let local_size: Vec<f64> = map.vertices.iter().map(|&v| lengths.vertex_size[v as usize]).collect();
@@ -87,7 +88,7 @@ fn lift_step(
         .map(|(place, (used, mesh))| CurveUse { path: used.path.clone(), mesh: &mesh.value, curve: place as u32 })
         .collect();
     let key = StageKey::new(Stage::Planar, |f| {
-        f.fingerprint(*fingerprint).fingerprint(charts.charts[p].output).f64s(&local_size).text(&format!("{:?}", snapshot.mesher));
+        f.fingerprint(*fingerprint).fingerprint(charts.charts[p].output).f64s(&local_size).text(&format!("{mesher:?}"));
         if let Some(tensors) = &tensors {
             f.points(tensors.as_flattened());
         }
@@ -97,7 +98,7 @@ fn lift_step(
     });
     let local = Lengths { vertex_size: &local_size, tensors: tensors.as_deref() };
     let planar: Stored<PlanarMesh> =
-        context.stage(key, subject, |work| mesh_chart_in(patch, chart, &local_uses, &local, snapshot.mesher, work))?;
+        context.stage(key, subject, |work| mesh_chart_in(patch, chart, &local_uses, &local, mesher, work))?;
     let key = StageKey::new(Stage::Lift, |f| {
         f.fingerprint(key.input).fingerprint(planar.output);
     });

@@ -8,7 +8,7 @@ use crate::metric::SurfaceMetric;
 use crate::pipeline::context::{Context, Step};
 use crate::pipeline::{Remesh, Surface};
 use crate::quality::seams::{Patched, SeamQuality, measure_seams};
-use crate::quality::{QualityReport, QualityScope, TargetSize, measure_quality};
+use crate::quality::{MeasuredMesh, QualityReport, QualityScope, TargetSize, measure_quality};
 use crate::session::MeshSource;
 use crate::sizing::SizeField;
 use crate::stage::{Stage, StageKey, Stored, Subject};
@@ -40,8 +40,10 @@ pub(in crate::pipeline) fn quality_step(context: &Context<'_>, remesh: &Remesh, 
         };
         let after = Patched::of(output, &remesh.result.face_patch, &remesh.result.curve_edges);
         let seams = SeamQuality { before: measure_seams(&before, &size_before), after: measure_seams(&after, &size) };
-        let report = measure_quality(&surface.imported.mesh, &tree.value.output, output, Some(&size), scope, work)?;
-        Ok(QualityReport { seams: Some(seams), ..report })
+        let measured = MeasuredMesh { mesh: output, quads: remesh.result.quads };
+        let report = measure_quality(&surface.imported.mesh, &tree.value.output, measured, Some(&size), scope, work)?;
+        // Halves of quadrangles tell nothing of seams.
+        Ok(QualityReport { seams: (remesh.result.quads == 0).then_some(seams), ..report })
     })
 }
 

@@ -6,7 +6,7 @@ use tonic::Code;
 use tonic_types::StatusExt;
 
 fn mesher(kind: v1::MesherKind, min_angle: Option<f64>, metric: Option<v1::MetricSpec>) -> v1::change::Change {
-    v1::change::Change::Mesher(v1::MesherSpec { kind: kind.into(), min_angle, metric })
+    v1::change::Change::Mesher(v1::MesherSpec { kind: kind.into(), min_angle, metric, ..Default::default() })
 }
 
 #[tokio::test]
