@@ -156,7 +156,7 @@ fn clamped(sizes: &[f64], count: usize, low: Option<f64>, high: Option<f64>) -> 
 /// The ratio of lengths of neighbouring elements next to locked edges, if the specification names none.
 pub const GROWTH_AT_LOCKED_EDGES: f64 = 1.3;
 
-/// The field with locked vertices: at those whose boundary edges stay, the length is that of the edges; from there it grows by
+/// The field with locked vertices: at those whose boundary edges stay, the length is that of the edges; from there it grows or shrinks by
 /// `growth_rate` (default [`GROWTH_AT_LOCKED_EDGES`]). Bounds do not hold there.
 ///
 /// # Errors
@@ -174,10 +174,13 @@ pub fn with_locked(
         return Ok(field);
     }
     let mut vertex_size = field.vertex_size;
-    for (size, own) in vertex_size.iter_mut().zip(locked_sizes(mesh, topology, &locked)) {
+    let slope = slope("growth_rate", growth_rate.unwrap_or(GROWTH_AT_LOCKED_EDGES))?;
+    let own = locked_sizes(mesh, topology, &locked);
+    raise_around(mesh, topology, &mut vertex_size, &own, slope.max(GROWTH_AT_LOCKED_EDGES.ln()), work)?;
+    for (size, own) in vertex_size.iter_mut().zip(own) {
         *size = own.unwrap_or(*size);
     }
-    limit_growth(mesh, topology, &mut vertex_size, slope("growth_rate", growth_rate.unwrap_or(GROWTH_AT_LOCKED_EDGES))?, work)?;
+    limit_growth(mesh, topology, &mut vertex_size, slope, work)?;
     check_count(mesh, &vertex_size)?;
     Ok(SizeField { locked, fields_scaled_by: field.fields_scaled_by, ..SizeField::new(vertex_size) })
 }
@@ -240,6 +243,51 @@ fn graded_sources(mesh: &SurfaceMesh, topology: &Topology, features: &Features) 
     sources
 }
 
+/// Raises lengths around vertices of given lengths until none is below a neighbour's by more than `slope` times their distance: one sweep
+/// in decreasing order of length. O(E log E) of what is raised.
+fn raise_around(
+    mesh: &SurfaceMesh,
+    topology: &Topology,
+    sizes: &mut [f64],
+    given: &[Option<f64>],
+    slope: f64,
+    work: &Work<'_>,
+) -> Result<()> {
+    let mut heap: BinaryHeap<(u64, u32)> = BinaryHeap::new();
+    for (v, length) in given.iter().enumerate() {
+        if let Some(length) = length.filter(|l| *l > sizes[v]) {
+            sizes[v] = length;
+            heap.push((length.to_bits(), v as u32));
+        }
+    }
+    let mut done = 0usize;
+    while let Some((bits, v)) = heap.pop() {
+        if bits != sizes[v as usize].to_bits() {
+            continue;
+        }
+        done += 1;
+        if done.is_multiple_of(4096) {
+            work.check()?;
+        }
+        let here = sizes[v as usize];
+        for w in neighbours(topology, v) {
+            let bound = here - slope * distance(mesh.positions[v as usize], mesh.positions[w as usize]);
+            if bound > sizes[w as usize] {
+                sizes[w as usize] = bound;
+                heap.push((bound.to_bits(), w));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn neighbours(topology: &Topology, v: u32) -> impl Iterator<Item = u32> + '_ {
+    topology.outgoing(v).flat_map(|h| {
+        let before = topology.prev(h);
+        [Some(topology.target(h)), topology.twin(before).is_none().then(|| topology.origin(before))].into_iter().flatten()
+    })
+}
+
 /// Lowers lengths until none exceeds a neighbour's by more than `slope` times their distance: one sweep in increasing order
 /// of length, as in Dijkstra's algorithm. O(E log E).
 fn limit_growth(mesh: &SurfaceMesh, topology: &Topology, sizes: &mut [f64], slope: f64, work: &Work<'_>) -> Result<()> {
@@ -256,18 +304,11 @@ fn limit_growth(mesh: &SurfaceMesh, topology: &Topology, sizes: &mut [f64], slop
             work.step(done.min(total), total)?;
         }
         let here = sizes[v as usize];
-        let mut relax = |w: u32| {
+        for w in neighbours(topology, v) {
             let bound = here + slope * distance(mesh.positions[v as usize], mesh.positions[w as usize]);
             if bound < sizes[w as usize] {
                 sizes[w as usize] = bound;
                 heap.push(Reverse((bound.to_bits(), w)));
-            }
-        };
-        for h in topology.outgoing(v) {
-            relax(topology.target(h));
-            let before = topology.prev(h);
-            if topology.twin(before).is_none() {
-                relax(topology.origin(before));
             }
         }
     }

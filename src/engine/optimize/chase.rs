@@ -1,6 +1,7 @@
 //! The worst faces one by one: the best of flip, collapse, split and moving a corner, until nothing helps.
 
 use super::input::Foot;
+use super::rounds::new_faces;
 use super::state::{State, tangential};
 use crate::error::Result;
 use crate::vector::{Vec3, add_scaled, cross, kappa, lerp, norm, unit};
@@ -16,8 +17,19 @@ const RATIOS: [f64; 2] = [0.4, 1.8];
 /// Chases all faces below `target`; returns how many steps were made. Each step raises the least kappa of the faces it replaces, so
 /// the chase ends.
 pub(super) fn chase(state: &mut State<'_>, target: f64, work: &Work<'_>) -> Result<u32> {
+    let faces = state.mesh.faces_left().collect();
+    chase_faces(state, faces, target, work)
+}
+
+/// Chases only what has changed since a sweep (see [`super::activity`]): enough where all else was chased before, in vain.
+pub(super) fn chase_new(state: &mut State<'_>, since: u32, target: f64, work: &Work<'_>) -> Result<u32> {
+    let faces = new_faces(state, since);
+    chase_faces(state, faces, target, work)
+}
+
+fn chase_faces(state: &mut State<'_>, faces: Vec<u32>, target: f64, work: &Work<'_>) -> Result<u32> {
     let mut queue = BinaryHeap::new();
-    for f in state.mesh.faces_left().collect::<Vec<_>>() {
+    for f in faces {
         enqueue(state, f, target, &mut queue);
     }
     let budget = 20 * queue.len() + 1000;

@@ -1,8 +1,8 @@
 //! Faces that no single step betters: on a copy of their surroundings steps are tried that make things worse at first, each followed by
 //! the usual ones. The best trial is done again on the mesh.
 
-use super::activity::{Activity, FIRST_SWEEP};
-use super::chase::chase;
+use super::activity::Activity;
+use super::chase::chase_new;
 use super::kernel::{next, prev};
 use super::rounds::{FlipGoal, flip_pass};
 use super::state::{Curves, Operation, State};
@@ -161,9 +161,11 @@ fn try_all<'a>(start: &State<'a>, face: u32, target: f64, work: &Work<'_>) -> Re
     let mut trials: Vec<Trial<'a>> = Vec::new();
     for first in first_steps(start, face) {
         let mut trial = start.clone();
+        // What a step does not touch was chased before.
+        let since = trial.activity.begin();
         if take(&mut trial, first) {
-            flip_pass(&mut trial, FlipGoal::Shape, FIRST_SWEEP, work)?;
-            chase(&mut trial, target, work)?;
+            flip_pass(&mut trial, FlipGoal::Shape, since, work)?;
+            chase_new(&mut trial, since, target, work)?;
             trials.push((badness(&trial, target), trial));
         }
     }

@@ -32,12 +32,8 @@ async fn told_size(daemon: &Daemon, session: &str) -> v1::SizeSpec {
 
 async fn read(daemon: &Daemon, session: &str, source: v1::MeshSource, kind: v1::DataColumn) -> (v1::MeshDataHeader, Vec<u8>) {
     use v1::read_mesh_data_response::Part;
-    let request = v1::ReadMeshDataRequest {
-        session: session.to_owned(),
-        source: source.into(),
-        columns: vec![kind.into()],
-        ..Default::default()
-    };
+    let request =
+        v1::ReadMeshDataRequest { session: session.to_owned(), source: source.into(), columns: vec![kind.into()], ..Default::default() };
     let mut stream = daemon.meshes().read_mesh_data(request).await.expect("data").into_inner();
     let (mut header, mut chunks) = (None, Vec::new());
     while let Some(message) = stream.message().await.expect("message") {
@@ -85,9 +81,7 @@ async fn bad_fields_are_refused_with_their_path() {
     let daemon = Daemon::usual().await;
     let session = daemon.tube(500, 300).await;
     let change = |field| Change::Size(composed(1.0, vec![field]));
-    let field_of = |status: &tonic::Status| {
-        status.get_error_details().bad_request().expect("violations").field_violations[0].field.clone()
-    };
+    let field_of = |status: &tonic::Status| status.get_error_details().bad_request().expect("violations").field_violations[0].field.clone();
     let thin = Field::Thickness(v1::ThicknessSize { elements: -1.0 });
     let status = assert_refused(daemon.change(&session, None, change(thin)).await, Code::InvalidArgument, "BAD_PARAMETER");
     assert_eq!(field_of(&status), "size.composed.fields[0].thickness.elements");
