@@ -38,9 +38,7 @@ pub(super) fn wire(snapshot: &Snapshot) -> v1::MesherSpec {
         Mesher::Frontal => spec(v1::MesherKind::Frontal),
         Mesher::Delaunay { min_angle_deg } => v1::MesherSpec { min_angle: Some(min_angle_deg), ..spec(v1::MesherKind::Delaunay) },
         Mesher::MeshAdapt => spec(v1::MesherKind::MeshAdapt),
-        Mesher::Anisotropic => {
-            v1::MesherSpec { metric: Some(metric::to_wire(&snapshot.metric)), ..spec(v1::MesherKind::Anisotropic) }
-        }
+        Mesher::Anisotropic => v1::MesherSpec { metric: Some(metric::to_wire(&snapshot.metric)), ..spec(v1::MesherKind::Anisotropic) },
     }
 }
 
