@@ -2,7 +2,7 @@
 //! the usual ones. The best trial is done again on the mesh.
 
 use super::activity::Activity;
-use super::chase::chase_new;
+use super::chase::{chase_new, chase_trial};
 use super::kernel::{next, prev};
 use super::rounds::{FlipGoal, flip_pass};
 use super::state::{Curves, Operation, State};
@@ -56,7 +56,9 @@ pub(super) fn rescue(state: &mut State<'_>, target: f64, effort: Effort, work: &
         let place = nearby.as_ref().map(|nearby| piece.place(state, nearby));
         let accept = |trial: &State<'_>| place.as_ref().is_none_or(|place| !piece.adds_crossings(state, place, trial));
         if let Some(trial) = best_trial(&piece, target, effort, accept, work)? {
+            let since = state.activity.begin();
             redo(state, &piece.vertices, trial.log.unwrap_or_default());
+            chase_new(state, since, target, work)?;
             taken += 1;
         }
     }
@@ -165,7 +167,7 @@ fn try_all<'a>(start: &State<'a>, face: u32, target: f64, work: &Work<'_>) -> Re
         let since = trial.activity.begin();
         if take(&mut trial, first) {
             flip_pass(&mut trial, FlipGoal::Shape, since, work)?;
-            chase_new(&mut trial, since, target, work)?;
+            chase_trial(&mut trial, since, target, work)?;
             trials.push((badness(&trial, target), trial));
         }
     }

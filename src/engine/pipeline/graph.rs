@@ -26,6 +26,7 @@ use crate::curve::{patch_curves, trace_curves};
 use crate::cut::{CutSurface, cut_along_borders};
 use crate::error::{EngineError, Reason, Result};
 use crate::features::{Features, detect_features};
+use crate::fingerprint::Contents;
 use crate::import::{ImportOptions, Imported, import_arrays, import_mesh};
 use crate::mesh::SurfaceMesh;
 use crate::metric::SurfaceMetric;

@@ -5,7 +5,9 @@ use remesh_engine::error::Reason;
 use remesh_engine::import::ImportOptions;
 use remesh_engine::lock::LockSpec;
 use remesh_engine::mesh::SurfaceMesh;
+use remesh_engine::metric::MetricSpec;
 use remesh_engine::pipeline::{self, Remesh, Run};
+use remesh_engine::planar::{Mesher, QuadKind};
 use remesh_engine::quality::QualityScope;
 use remesh_engine::sample::{SampleKind, SampleSpec};
 use remesh_engine::session::{Change, MeshSource};
@@ -21,9 +23,13 @@ fn tube() -> Change {
 }
 
 fn run(lock: LockSpec, triangles: u64) -> remesh_engine::Result<(Remesh, f64)> {
+    run_with(Change::Mesher(Mesher::Frontal), lock, triangles)
+}
+
+fn run_with(mesher: Change, lock: LockSpec, triangles: u64) -> remesh_engine::Result<(Remesh, f64)> {
     let engine = Engine::new(EngineConfig::default());
     let session = engine.create_session(None, SystemTime::now()).unwrap();
-    session.apply(None, &[tube(), Change::Size(SizeSpec::TriangleCount { triangles }), Change::Lock(lock)]).unwrap();
+    session.apply(None, &[tube(), Change::Size(SizeSpec::TriangleCount { triangles }), Change::Lock(lock), mesher]).unwrap();
     let cancel = CancelToken::new();
     let run = Run { cancel: &cancel, events: &|_| {}, threads: 2 };
     let (remesh, report) = pipeline::quality(&engine, &session.snapshot(), QualityScope::Full, &run)?.value;
@@ -50,6 +56,24 @@ fn the_whole_boundary_stays() {
         assert_eq!(input, output, "at {triangles} triangles");
         assert!(kappa_min > 0.1, "{kappa_min}");
     }
+}
+
+#[test]
+fn every_mesher_keeps_locked_edges() {
+    let meshers = [
+        Change::Mesher(Mesher::Delaunay { min_angle_deg: 25.0 }),
+        Change::Mesher(Mesher::MeshAdapt),
+        Change::Mesher(Mesher::Quads(QuadKind::Mixed)),
+        Change::Anisotropic(MetricSpec { max_stretch: 4.0, ..MetricSpec::default() }),
+    ];
+    for mesher in meshers {
+        let (remesh, _) = run_with(mesher.clone(), LockSpec::Boundary, 3000).unwrap();
+        assert_eq!(boundary(&remesh.charts.surface.imported.mesh), boundary(&remesh.result.mesh), "{mesher:?}");
+    }
+    // Nothing is left of an edge that is divided.
+    let all = Change::Mesher(Mesher::Quads(QuadKind::All));
+    let error = run_with(all, LockSpec::Boundary, 3000).unwrap_err();
+    assert!(error.metadata().contains(&("field".into(), "mesher.all_quads".into())), "{error:?}");
 }
 
 #[test]

@@ -43,9 +43,7 @@ pub(super) fn wire(snapshot: &Snapshot) -> v1::MesherSpec {
         Mesher::Delaunay { min_angle_deg } => v1::MesherSpec { min_angle: Some(min_angle_deg), ..spec(v1::MesherKind::Delaunay) },
         Mesher::MeshAdapt => spec(v1::MesherKind::MeshAdapt),
         Mesher::Quads(kind) => v1::MesherSpec { all_quads: kind == QuadKind::All, ..spec(v1::MesherKind::Quads) },
-        Mesher::Anisotropic => {
-            v1::MesherSpec { metric: Some(metric::to_wire(&snapshot.metric)), ..spec(v1::MesherKind::Anisotropic) }
-        }
+        Mesher::Anisotropic => v1::MesherSpec { metric: Some(metric::to_wire(&snapshot.metric)), ..spec(v1::MesherKind::Anisotropic) },
     }
 }
 

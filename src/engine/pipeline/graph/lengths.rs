@@ -46,7 +46,7 @@ pub(in crate::pipeline) struct Wanted<'a> {
     /// Lengths at the vertices of the imported surface; while patches are meshed, at those of the surface the patches are cut out of.
     pub(super) vertex_size: &'a [f64],
     /// Whether each vertex of the imported surface stays; empty if none does. Vertices that a cut made are never locked.
-    locked: &'a [bool],
+    pub(super) locked: &'a [bool],
     pub(super) metric: Option<&'a SurfaceMetric>,
 }
 

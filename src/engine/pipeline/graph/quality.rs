@@ -52,6 +52,8 @@ pub(in crate::pipeline) fn result_sizes(context: &Context<'_>, remesh: &Remesh) 
     let surface = &remesh.charts.surface;
     let tree = search_tree_step(context, &surface.imported)?;
     Ok(sizes_at(surface, &tree.value.output, &remesh.sizes, &remesh.result.mesh.positions)?)
+}
+
 /// The metric at points near the input.
 fn metric_at(surface: &Surface, tree: &TriangleBvh, metric: &SurfaceMetric, points: &[Vec3]) -> Result<Vec<[f64; 6]>> {
     let input = &surface.imported.mesh;

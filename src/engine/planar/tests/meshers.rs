@@ -137,7 +137,7 @@ fn square(n: usize, tensor: &dyn Fn(Vec3) -> [f64; 6]) -> (Patch, Vec<Vec2>, Vec
         let points: Vec<Vec3> = path.iter().map(|&v| patch.positions[v as usize]).collect();
         let along = crate::vector::unit(crate::vector::sub(points[n], points[0]));
         let sizes = points.iter().map(|p| 1.0 / squared_length(&tensor(*p), along).sqrt()).collect();
-        let polyline = CurvePolyline { points, sizes, closed: false, kind: CurveKind::Boundary, min_edges: 1 };
+        let polyline = CurvePolyline { points, sizes, closed: false, kind: CurveKind::Boundary, min_edges: 1, locked: Vec::new() };
         let mesh = mesh_curve(&polyline, &Work::silent(&cancel)).unwrap();
         (path, mesh)
     };
