@@ -1632,6 +1632,10 @@ pub struct MesherSpec {
     /// What the anisotropic mesher follows; for it only.
     #[prost(message, optional, tag = "3")]
     pub metric: ::core::option::Option<MetricSpec>,
+    /// With MESHER_KIND_QUADS: no triangle is left (quadrangles of double size are made first, then every face is divided). Not set or false: a
+    /// few triangles may stay. An error with other meshers, and with locked boundary vertices.
+    #[prost(bool, tag = "4")]
+    pub all_quads: bool,
 }
 /// How the joined mesh is optimised across patch borders.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
@@ -1770,6 +1774,9 @@ pub enum MesherKind {
     MeshAdapt = 3,
     /// Follows a metric: other lengths in other directions.
     Anisotropic = 4,
+    /// Quadrangles: frontal triangles, then points along a field of crosses on the whole surface, a matching of least cost of the triangles,
+    /// clean-up and smoothing.
+    Quads = 5,
 }
 impl MesherKind {
     /// String value of the enum field names used in the ProtoBuf definition.
@@ -1783,6 +1790,7 @@ impl MesherKind {
             Self::Delaunay => "MESHER_KIND_DELAUNAY",
             Self::MeshAdapt => "MESHER_KIND_MESH_ADAPT",
             Self::Anisotropic => "MESHER_KIND_ANISOTROPIC",
+            Self::Quads => "MESHER_KIND_QUADS",
         }
     }
     /// Creates an enum from field names used in the ProtoBuf definition.
@@ -1793,6 +1801,7 @@ impl MesherKind {
             "MESHER_KIND_DELAUNAY" => Some(Self::Delaunay),
             "MESHER_KIND_MESH_ADAPT" => Some(Self::MeshAdapt),
             "MESHER_KIND_ANISOTROPIC" => Some(Self::Anisotropic),
+            "MESHER_KIND_QUADS" => Some(Self::Quads),
             _ => None,
         }
     }
@@ -4572,12 +4581,15 @@ pub struct ExportHeader {
     /// Vertices written.
     #[prost(uint64, tag = "3")]
     pub vertices: u64,
-    /// Faces written.
+    /// Faces written; a quadrangle counts as two.
     #[prost(uint64, tag = "4")]
     pub faces: u64,
     /// What ran.
     #[prost(message, optional, tag = "5")]
     pub summary: ::core::option::Option<RunSummary>,
+    /// Quadrangles among them (see MeshDataHeader); STL and glTF files hold their halves.
+    #[prost(uint64, tag = "6")]
+    pub quads: u64,
 }
 /// Response of ExportMesh: the header first, then the file.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -4639,6 +4651,10 @@ pub struct MeshDataHeader {
     /// What ran.
     #[prost(message, optional, tag = "6")]
     pub summary: ::core::option::Option<RunSummary>,
+    /// Quadrangles: for q below this number faces 2 q = (a, b, c) and 2 q + 1 = (a, c, d) are the halves of quadrangle (a, b, c, d); the other
+    /// faces are triangles.
+    #[prost(uint64, tag = "7")]
+    pub quads: u64,
 }
 /// Response of ReadMeshData: the header first, then the columns in the order asked for.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -6684,6 +6700,34 @@ pub struct ShapeQuality {
     #[prost(double, optional, tag = "13")]
     pub edge_ratio_ok: ::core::option::Option<f64>,
 }
+/// Shape and size of quadrangles.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct QuadQuality {
+    /// Quadrangles.
+    #[prost(uint64, tag = "1")]
+    pub quads: u64,
+    /// Triangles beside them.
+    #[prost(uint64, tag = "2")]
+    pub triangles: u64,
+    /// Smallest eta = max(1 - 2/pi max |pi/2 - angle|, 0); 1 is a rectangle.
+    #[prost(double, tag = "3")]
+    pub eta_min: f64,
+    /// Mean eta.
+    #[prost(double, tag = "4")]
+    pub eta_mean: f64,
+    /// First percentile of eta.
+    #[prost(double, tag = "5")]
+    pub eta_p01: f64,
+    /// Counts of eta in 20 equal bins of \[0, 1\].
+    #[prost(uint64, repeated, tag = "6")]
+    pub eta_histogram: ::prost::alloc::vec::Vec<u64>,
+    /// Efficiency index in percent over the edges of quadrangles and triangles.
+    #[prost(double, optional, tag = "7")]
+    pub tau: ::core::option::Option<f64>,
+    /// Share of these edges whose length over size is in \[1/sqrt 2, sqrt 2\].
+    #[prost(double, optional, tag = "8")]
+    pub edge_ratio_ok: ::core::option::Option<f64>,
+}
 /// Distances between output and input.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
 pub struct Fidelity {
@@ -6796,6 +6840,9 @@ pub struct QualityReport {
     /// Elements at seams apart from the others; only for results of a session or of RemeshMesh.
     #[prost(message, optional, tag = "10")]
     pub seams: ::core::option::Option<SeamQuality>,
+    /// The quadrangles; only if the result has any. `shape` is then of their halves, beside the triangles.
+    #[prost(message, optional, tag = "11")]
+    pub quads: ::core::option::Option<QuadQuality>,
 }
 /// Request of GetQuality.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
@@ -7334,6 +7381,9 @@ pub struct RemeshResult {
     /// What a user should know of the result: faces that still intersect, far more or fewer triangles than asked for.
     #[prost(string, repeated, tag = "5")]
     pub warnings: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
+    /// The quadrangles; only if the result has any.
+    #[prost(message, optional, tag = "6")]
+    pub quads: ::core::option::Option<QuadQuality>,
 }
 /// Response of RemeshSurface: progress, then the result.
 #[derive(Clone, PartialEq, ::prost::Message)]

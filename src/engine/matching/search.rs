@@ -38,12 +38,7 @@ struct Search<'a> {
 }
 
 /// The matching of largest total gain; by vertex its partner and the edge.
-pub(super) fn heaviest_matching(
-    count: usize,
-    edges: &[MatchingEdge],
-    gains: &[i64],
-    work: &Work<'_>,
-) -> Result<Vec<Option<(u32, u32)>>> {
+pub(super) fn heaviest_matching(count: usize, edges: &[MatchingEdge], gains: &[i64], work: &Work<'_>) -> Result<Vec<Option<(u32, u32)>>> {
     let forest = solve(count, edges, gains, work)?;
     Ok(forest.mate.iter().map(|link| (link.edge != NONE).then_some((link.to, link.edge))).collect())
 }
@@ -251,7 +246,9 @@ impl<'a> Search<'a> {
                 }
                 Event::Worthless(v) => {
                     let top = self.forest.top(v);
-                    if self.forest.label[top as usize] == Label::Even && self.forest.dual[v as usize] == time - self.forest.since[v as usize] {
+                    if self.forest.label[top as usize] == Label::Even
+                        && self.forest.dual[v as usize] == time - self.forest.since[v as usize]
+                    {
                         self.now = time;
                         self.forest.rebase(top, v);
                         self.forest.mate[v as usize] = Link::NO;

@@ -30,12 +30,6 @@ pub(super) fn chase_trial(state: &mut State<'_>, since: u32, target: f64, work: 
     chase_faces(state, faces, target, TRIAL_GAIN, work)
 }
 
-/// Chases what has changed since a sweep.
-pub(super) fn chase_new(state: &mut State<'_>, since: u32, target: f64, work: &Work<'_>) -> Result<u32> {
-    let faces = new_faces(state, since);
-    chase_faces(state, faces, target, GAIN, work)
-}
-
 fn chase_faces(state: &mut State<'_>, faces: Vec<u32>, target: f64, gain: f64, work: &Work<'_>) -> Result<u32> {
     let mut queue = BinaryHeap::new();
     for f in faces {

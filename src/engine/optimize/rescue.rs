@@ -2,7 +2,7 @@
 //! the usual ones. The best trial is done again on the mesh.
 
 use super::activity::Activity;
-use super::chase::{chase_new, chase_trial};
+use super::chase::{chase, chase_trial};
 use super::kernel::{next, prev};
 use super::rounds::{FlipGoal, flip_pass};
 use super::state::{Curves, Operation, State};
@@ -56,9 +56,7 @@ pub(super) fn rescue(state: &mut State<'_>, target: f64, effort: Effort, work: &
         let place = nearby.as_ref().map(|nearby| piece.place(state, nearby));
         let accept = |trial: &State<'_>| place.as_ref().is_none_or(|place| !piece.adds_crossings(state, place, trial));
         if let Some(trial) = best_trial(&piece, target, effort, accept, work)? {
-            let since = state.activity.begin();
             redo(state, &piece.vertices, trial.log.unwrap_or_default());
-            chase_new(state, since, target, work)?;
             taken += 1;
         }
     }
@@ -155,7 +153,13 @@ fn best_trial<'a>(
         }
     }
     found.sort_by(|x, y| x.0.total_cmp(&y.0));
-    Ok(found.into_iter().take_while(|trial| trial.0 < enough).map(|trial| trial.1).find(|trial| accept(trial)))
+    for (_, mut trial) in found.into_iter().take_while(|trial| trial.0 < enough) {
+        chase(&mut trial, target, work)?;
+        if accept(&trial) {
+            return Ok(Some(trial));
+        }
+    }
+    Ok(None)
 }
 
 /// One trial for each first step at a face, best first.

@@ -95,7 +95,10 @@ impl Cleaner<'_, '_> {
             }
             let merged = i64::from(self.count(gone)) - 2;
             let change = self.energy(kept, merged) + self.energy(b, -1) + self.energy(d, -1)
-                - self.energy(gone, 0) - self.energy(kept, 0) - self.energy(b, 0) - self.energy(d, 0);
+                - self.energy(gone, 0)
+                - self.energy(kept, 0)
+                - self.energy(b, 0)
+                - self.energy(d, 0);
             if change >= 0 || self.count(b) < 3 || self.count(d) < 3 || self.count(gone) + self.count(kept) < 5 {
                 continue;
             }

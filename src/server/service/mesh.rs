@@ -122,13 +122,7 @@ fn face_kappa(mesh: &SurfaceMesh, face: usize) -> f64 {
 }
 
 /// Writes a mesh with what the format has a place for.
-pub(crate) fn write(
-    mesh: &SurfaceMesh,
-    patch: Option<&[u32]>,
-    quads: u32,
-    format: Format,
-    encoding: Encoding,
-) -> EngineResult<Exported> {
+pub(crate) fn write(mesh: &SurfaceMesh, patch: Option<&[u32]>, quads: u32, format: Format, encoding: Encoding) -> EngineResult<Exported> {
     let kappas: Option<Vec<f64>> = (format == Format::Vtu).then(|| (0..mesh.triangles.len()).map(|f| face_kappa(mesh, f)).collect());
     export_mesh(mesh, FaceData { patch, kappa: kappas.as_deref(), quads }, format, encoding)
 }

@@ -67,8 +67,12 @@ mod tests {
     #[test]
     fn options_go_with_their_mesher() {
         let frontal = v1::MesherSpec::default();
-        let args =
-            |mesher, min_angle, max_stretch| MesherArgs { mesher, min_angle, all_quads: false, metric: MetricArgs { max_stretch, ..MetricArgs::default() } };
+        let args = |mesher, min_angle, max_stretch| MesherArgs {
+            mesher,
+            min_angle,
+            all_quads: false,
+            metric: MetricArgs { max_stretch, ..MetricArgs::default() },
+        };
         let delaunay = put_mesher(&args(Some(MesherName::Delaunay), Some(20.0), None), &frontal).unwrap();
         assert_eq!((delaunay.kind(), delaunay.min_angle), (v1::MesherKind::Delaunay, Some(20.0)));
         assert!(put_mesher(&args(None, Some(20.0), None), &frontal).is_err());

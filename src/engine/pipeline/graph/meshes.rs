@@ -97,8 +97,7 @@ fn lift_step(
         }
     });
     let local = Lengths { vertex_size: &local_size, tensors: tensors.as_deref() };
-    let planar: Stored<PlanarMesh> =
-        context.stage(key, subject, |work| mesh_chart_in(patch, chart, &local_uses, &local, mesher, work))?;
+    let planar: Stored<PlanarMesh> = context.stage(key, subject, |work| mesh_chart_in(patch, chart, &local_uses, &local, mesher, work))?;
     let key = StageKey::new(Stage::Lift, |f| {
         f.fingerprint(key.input).fingerprint(planar.output);
     });
