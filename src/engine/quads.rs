@@ -22,6 +22,7 @@ use crate::sizing::SizeField;
 use crate::vector::{Vec3, area_vector_twice, dot, kappa, unit};
 use crate::work::Work;
 use mixed::{Mixed, NONE, corners_of};
+use std::collections::BTreeSet;
 
 /// Rounds of smoothing before and after each clean-up, and at the end.
 const ROUNDS: [usize; 2] = [6, 40];
@@ -157,6 +158,7 @@ fn to_pairs(input: &SurfaceMesh, mixed: &Mixed) -> Remeshed {
             positions.push(mixed.position[v]);
         }
     }
+    let mut edges = edges_of_elements(mixed);
     for wants_quad in [true, false] {
         for f in 0..mixed.faces.len() as u32 {
             if !mixed.is_face(f) || mixed.is_quad(f) != wants_quad {
@@ -165,7 +167,11 @@ fn to_pairs(input: &SurfaceMesh, mixed: &Mixed) -> Remeshed {
             let corners = corners_of(&mixed.faces[f as usize]);
             let at = |k: usize| number[corners[k] as usize];
             if wants_quad {
-                let k = better_diagonal(mixed, corners);
+                let better = better_diagonal(mixed, corners);
+                let diagonal = |k: usize| low_first([corners[k], corners[k + 2]]);
+                // Around a neck a diagonal may be an edge of others: two halves more there would not be a surface.
+                let k = if edges.contains(&diagonal(better)) && !edges.contains(&diagonal(1 - better)) { 1 - better } else { better };
+                edges.insert(diagonal(k));
                 triangles.extend([[at(k), at(k + 1), at(k + 2)], [at(k), at(k + 2), at((k + 3) % 4)]]);
                 out.quads += 1;
             } else {
@@ -181,6 +187,16 @@ fn to_pairs(input: &SurfaceMesh, mixed: &Mixed) -> Remeshed {
     out.curve_edges.sort_unstable();
     out.mesh = SurfaceMesh { positions, triangles, face_region, regions: input.regions.clone(), unit: input.unit };
     out
+}
+
+/// The edges of all elements, low vertex first.
+fn edges_of_elements(mixed: &Mixed) -> BTreeSet<[u32; 2]> {
+    let faces = (0..mixed.faces.len() as u32).filter(|&f| mixed.is_face(f)).map(|f| corners_of(&mixed.faces[f as usize]));
+    faces.flat_map(|c| (0..c.len()).map(move |k| low_first([c[k], c[(k + 1) % c.len()]]))).collect()
+}
+
+fn low_first([a, b]: [u32; 2]) -> [u32; 2] {
+    [a.min(b), a.max(b)]
 }
 
 /// 0 for the diagonal from the first corner, 1 for that from the second: the one with less fold and better halves.

@@ -74,7 +74,7 @@ fn another_metric_neither_partitions_nor_parametrizes() {
     let session = open(&engine, &pelvis());
     let (mut before, _) = remesh(&engine, &session, 2);
     let below = BTreeSet::from(["metric", "curve", "planar", "lift", "assembly", "optimize"]);
-    for normal_angle_deg in [10.0, 5.0] {
+    for normal_angle_deg in [25.0, 15.0] {
         let source = MetricSource::Curvature { deviation: None, normal_angle_deg: Some(normal_angle_deg) };
         session.apply(None, &[Change::Anisotropic(MetricSpec { source, ..MetricSpec::default() })]).unwrap();
         let cancel = CancelToken::new();

@@ -2,6 +2,7 @@
 
 use remesh_engine::engine::{Engine, EngineConfig};
 use remesh_engine::export::{Encoding, FaceData, export_mesh};
+use remesh_engine::features::FeatureSpec;
 use remesh_engine::import::{Format, ImportOptions};
 use remesh_engine::mesh::SurfaceMesh;
 use remesh_engine::optimize::Remeshed;
@@ -112,6 +113,10 @@ fn a_plate_with_a_hole_becomes_squares() {
 fn curved_surfaces_with_and_without_features_keep_their_topology() {
     for kind in [SampleKind::Tube, SampleKind::CadPart, SampleKind::Artery] {
         let (engine, session) = open(sample(kind, 3000), 1.0, Mesher::Frontal);
+        if kind == SampleKind::Artery {
+            // At this size its noise would be features, on branches four elements around.
+            session.apply(None, &[Change::Features(FeatureSpec { feature_angle_deg: None, ..FeatureSpec::default() })]).unwrap();
+        }
         let area = run(|run| pipeline::import(&engine, &session.snapshot(), run)).unwrap().value.mesh.area();
         let size = (area / 1500.0).sqrt();
         for kind in [QuadKind::Mixed, QuadKind::All] {
@@ -119,11 +124,20 @@ fn curved_surfaces_with_and_without_features_keep_their_topology() {
             let (remesh, report) = quality(&engine, &session).value;
             let quads = report.quads.as_ref().expect("quadrangles");
             assert!(report.topology_kept, "{report:?}");
-            assert!(quads.eta_mean > 0.8 && quads.triangles * 25 < quads.quads, "{quads:?}");
-            assert!(kind == QuadKind::Mixed || quads.triangles == 0);
+            match kind {
+                QuadKind::Mixed => assert!(quads.eta_mean > 0.85 && quads.triangles * 20 < quads.quads, "{quads:?}"),
+                // Branches of the artery are narrower than the triangles of double size that these are made of.
+                QuadKind::All => assert!(quads.eta_mean > 0.7 && quads.triangles == 0, "{quads:?}"),
+            }
             elements(&remesh.result);
         }
     }
+}
+
+#[test]
+fn halves_of_quadrangles_around_narrow_branches_are_a_surface() {
+    let (engine, session) = open(sample(SampleKind::Artery, 3000), 2.06, Mesher::Quads(QuadKind::Mixed));
+    assert!(quality(&engine, &session).value.1.topology_kept);
 }
 
 #[test]
