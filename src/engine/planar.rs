@@ -7,8 +7,9 @@ use crate::fingerprint::{Contents, Feeder};
 use crate::parametrize::Chart;
 use crate::patch::Patch;
 use crate::topology::Topology;
-use crate::vector::{Vec2, Vec3};
+use crate::vector::{Vec2, Vec3, triangle_area};
 use crate::work::Work;
+use frontal::Filled;
 use std::collections::BTreeMap;
 
 mod adapt;
@@ -178,6 +179,25 @@ const SMOOTHING_ROUNDS: usize = 3;
 /// The same after refinement, which leaves less even triangles.
 const DELAUNAY_SMOOTHING_ROUNDS: usize = 6;
 
+/// A patch mesh of more than this many times the vertices that the area of the patch asks for is not one of the chart.
+const VERTICES_OVER_WANTED: f64 = 4.0;
+
+/// Most vertices of a mesh of a patch: what its area asks for at the wanted lengths, several times over, and its curves.
+fn most_vertices(patch: &Patch, vertex_size: &[f64], curves: &[CurveUse<'_>]) -> usize {
+    let on_curves: usize = curves.iter().map(|c| c.mesh.points.len()).sum();
+    let wanted: f64 = patch
+        .triangles
+        .iter()
+        .map(|t| {
+            let [a, b, c] = t.map(|v| patch.positions[v as usize]);
+            let size = t.iter().map(|&v| vertex_size[v as usize]).sum::<f64>() / 3.0;
+            // Twice the area of an equilateral triangle for each vertex.
+            triangle_area(a, b, c) / (0.75f64.sqrt() * size * size)
+        })
+        .sum();
+    64 + 4 * on_curves + (VERTICES_OVER_WANTED * wanted) as usize
+}
+
 /// Meshes a chart. `vertex_size` is the wanted length in space at each patch vertex. Deterministic; near-linear.
 ///
 /// Always delivers a mesh of the patch's topology with exactly the curve points on its boundary and curves, at any size: where
@@ -229,16 +249,25 @@ pub fn mesh_chart_in(
     let topology = Topology::build(&patch.triangles, patch.positions.len())?;
     let mut outline = boundary::Outline::new(patch, &chart.uv, &topology, curves)?;
     let locator = locate::Locator::new(patch, &chart.uv, &topology);
-    let Some(mut mesh) = outline.triangulate(patch, &chart.uv, &topology, curves, work)? else {
-        return reduce::from_patch(patch, &chart.uv, &topology, curves, vertex_size, &locator, work);
-    };
     let field = metric::MetricField::new(patch, &chart.uv, vertex_size, lengths.tensors);
-    mesh.metric = outline.metrics(&locator, &field);
-    let domain = frontal::Domain { locator: &locator, field: &field };
-    let first_free = mesh.uv.len();
-    let mut points = std::mem::take(&mut outline.points);
-    mesh.flip_all();
-    fill(mesher, &domain, &mut mesh, &mut points, first_free, work)?;
+    let most = most_vertices(patch, vertex_size, curves);
+    let domain = frontal::Domain { locator: &locator, field: &field, most };
+    let (mesh, points) = loop {
+        let Some(mut mesh) = outline.triangulate(patch, &chart.uv, &topology, curves, work)? else {
+            return reduce::from_patch(patch, &chart.uv, &topology, curves, vertex_size, &locator, work);
+        };
+        mesh.metric = outline.metrics(&locator, &field);
+        let first_free = mesh.uv.len();
+        let mut points = outline.points.clone();
+        mesh.flip_all();
+        if fill(mesher, &domain, &mut mesh, &mut points, first_free, work)? == Filled::Whole {
+            break (mesh, points);
+        }
+        // Chords of the curves leave the chart, where squeezed faces beside it stand for the metric: follow the curves more closely.
+        if outline.refine_all(&chart.uv, &topology, curves)? == 0 {
+            return reduce::from_patch(patch, &chart.uv, &topology, curves, vertex_size, &locator, work);
+        }
+    };
     let mut origins = std::mem::take(&mut outline.origins);
     origins.resize(mesh.uv.len(), VertexOrigin::Interior);
     let planar = PlanarMesh { uv: mesh.uv, triangles: mesh.tri, origins, points };
@@ -248,7 +277,7 @@ pub fn mesh_chart_in(
     Ok(planar)
 }
 
-/// Fills the triangulated outline by one of the meshers. Vertices before `first_free` lie on curves.
+/// Fills the triangulated outline by one of the meshers. Vertices before `first_free` lie on curves. All stop at the same bound.
 fn fill(
     mesher: Mesher,
     domain: &frontal::Domain<'_>,
@@ -256,25 +285,27 @@ fn fill(
     points: &mut Vec<SurfacePoint>,
     first_free: usize,
     work: &Work<'_>,
-) -> Result<()> {
+) -> Result<Filled> {
+    if matches!(mesher, Mesher::Frontal | Mesher::Quads(_) | Mesher::Anisotropic)
+        && frontal::fill(domain, mesh, points, work)? == Filled::TooMany
+    {
+        return Ok(Filled::TooMany);
+    }
     match mesher {
         Mesher::Frontal | Mesher::Quads(_) => {
-            frontal::fill(domain, mesh, points, work)?;
-            smooth::smooth(domain, mesh, points, first_free, smooth::Smoothing::plain(SMOOTHING_ROUNDS), work)
+            smooth::smooth(domain, mesh, points, first_free, smooth::Smoothing::plain(SMOOTHING_ROUNDS), work)?;
         }
         Mesher::Delaunay { min_angle_deg } => {
             delaunay::refine(domain, mesh, points, min_angle_deg, delaunay::Goal::SizeAndAngle, work)?;
             let how =
                 smooth::Smoothing { rounds: DELAUNAY_SMOOTHING_ROUNDS, aim: smooth::Aim::Mean, guard: smooth::Guard::Angle(min_angle_deg) };
             smooth::smooth(domain, mesh, points, first_free, how, work)?;
-            delaunay::refine(domain, mesh, points, min_angle_deg, delaunay::Goal::Angle, work)
+            delaunay::refine(domain, mesh, points, min_angle_deg, delaunay::Goal::Angle, work)?;
         }
-        Mesher::MeshAdapt => adapt::adapt(domain, mesh, points, first_free, smooth::Aim::Mean, work),
-        Mesher::Anisotropic => {
-            frontal::fill(domain, mesh, points, work)?;
-            adapt::adapt(domain, mesh, points, first_free, smooth::Aim::UnitEdges, work)
-        }
+        Mesher::MeshAdapt => adapt::adapt(domain, mesh, points, first_free, smooth::Aim::Mean, work)?,
+        Mesher::Anisotropic => adapt::adapt(domain, mesh, points, first_free, smooth::Aim::UnitEdges, work)?,
     }
+    Ok(if mesh.uv.len() > domain.most { Filled::TooMany } else { Filled::Whole })
 }
 
 /// Point in space of a point on a face of a patch.

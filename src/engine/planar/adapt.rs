@@ -2,11 +2,11 @@
 //! vertices smoothed, until nothing changes.
 
 use super::SurfacePoint;
-use super::frontal::{Domain, MAX_VERTICES, edge_length};
+use super::frontal::{Domain, edge_length};
 use super::metric::length;
 use super::smooth::{Aim, Guard, Smoothing, ring, smooth};
 use super::triangulation::{NONE, Triangulation, next, orientation, previous};
-use crate::error::{EngineError, Reason, Result};
+use crate::error::Result;
 use crate::vector::Vec2;
 use crate::work::Work;
 
@@ -31,6 +31,9 @@ pub(super) fn adapt(
 ) -> Result<()> {
     for round in 0..ROUNDS {
         let split = split_long(domain, mesh, points, work)?;
+        if mesh.uv.len() > domain.most {
+            break;
+        }
         let gone = collapse_short(mesh, points, first, work)?;
         mesh.flip_all();
         smooth(domain, mesh, points, first, Smoothing { rounds: 2, aim, guard: Guard::Orientation }, work)?;
@@ -74,8 +77,8 @@ fn split_long(domain: &Domain<'_>, mesh: &mut Triangulation, points: &mut Vec<Su
             if i.is_multiple_of(1024) {
                 work.check()?;
             }
-            if mesh.uv.len() > MAX_VERTICES {
-                return Err(EngineError::new(Reason::LimitReached, format!("a patch mesh exceeds {MAX_VERTICES} vertices")));
+            if mesh.uv.len() > domain.most {
+                return Ok(total + mesh.uv.len() - before);
             }
             let Some(k) = mesh.edge_of(t, a, b) else { continue };
             let u = mesh.adj[t as usize][k];

@@ -2,10 +2,10 @@
 //! first. Edges on curves are given and never split: a point that would encroach upon one is not put.
 
 use super::SurfacePoint;
-use super::frontal::{Domain, MAX_VERTICES, circumcentre, edge_length, minus};
+use super::frontal::{Domain, circumcentre, edge_length, minus};
 use super::metric::{Metric, density, inner, length};
 use super::triangulation::{Found, NONE, Triangulation, next, previous};
-use crate::error::{EngineError, Reason, Result};
+use crate::error::Result;
 use crate::vector::Vec2;
 use crate::work::Work;
 use std::collections::BinaryHeap;
@@ -184,9 +184,9 @@ pub(super) fn refine(
         round += 1;
         if round.is_multiple_of(1024) {
             work.check()?;
-            if refiner.mesh.uv.len() > MAX_VERTICES {
-                return Err(EngineError::new(Reason::LimitReached, format!("a patch mesh exceeds {MAX_VERTICES} vertices")));
-            }
+        }
+        if refiner.mesh.uv.len() > domain.most {
+            break;
         }
         touched.clear();
         refiner.split(t, &mut touched);
