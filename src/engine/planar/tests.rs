@@ -1,5 +1,7 @@
 //! Generated charts with closed-form maps, and the invariants every patch mesh must have.
 
+mod meshers;
+
 use super::*;
 use crate::curve::{CurveKind, CurvePolyline, mesh_curve};
 use crate::parametrize::{ChartMethod, Distortion};
@@ -58,6 +60,7 @@ fn loop_curves(patch: &Patch, sizes: &[f64]) -> Vec<(Vec<u32>, CurveMesh)> {
             closed: true,
             kind: CurveKind::Boundary,
             min_edges: 3,
+            locked: Vec::new(),
         };
         (path, mesh_curve(&polyline, &Work::silent(&cancel)).unwrap())
     };
@@ -280,6 +283,7 @@ fn with_inner_feature(size: f64) -> (Patch, Vec<Vec2>, Vec<(Vec<u32>, CurveMesh)
         closed: false,
         kind: CurveKind::Feature,
         min_edges: 1,
+        locked: Vec::new(),
     };
     let cancel = CancelToken::new();
     let mesh = mesh_curve(&polyline, &Work::silent(&cancel)).unwrap();

@@ -1,10 +1,12 @@
 //! `SessionService`: the life of sessions and changes of their inputs.
 
-use crate::convert::{from_proto, to_proto};
-use crate::dispatch::Call;
-use crate::state::{Shared, session_name};
+use super::partition::check_patch;
+use crate::convert::{from_proto, sizes, to_proto};
+use crate::dispatch::{Call, Intent};
+use crate::state::{Shared, Target, session_name};
 use remesh_engine::EngineError;
 use remesh_engine::error::Result as EngineResult;
+use remesh_engine::pipeline::{self, Run};
 use remesh_engine::session::{Revision, Session};
 use remesh_proto::v1;
 use remesh_proto::v1::session_service_server::SessionService;
@@ -110,6 +112,32 @@ fn delete(shared: &Shared, request: &v1::DeleteSessionRequest) -> EngineResult<v
     Ok(v1::DeleteSessionResponse { revision: session.revision().0 })
 }
 
+/// Whether a change names patches by number, which are looked up first.
+fn names_patches(change: Option<&v1::Change>) -> bool {
+    match change.and_then(|c| c.change.as_ref()) {
+        Some(v1::change::Change::Size(spec)) => !sizes::patch_numbers(spec).is_empty(),
+        _ => false,
+    }
+}
+
+/// Applies a size that names patches by number.
+fn apply_patch_sizes(
+    shared: &Shared,
+    run: &Run<'_>,
+    target: &Target,
+    request: v1::ApplyChangeRequest,
+) -> EngineResult<v1::ApplyChangeResponse> {
+    let mut change = request.change;
+    let layout = pipeline::layout(&shared.engine, &target.snapshot, run)?.value;
+    if let Some(v1::change::Change::Size(spec)) = change.as_mut().and_then(|c| c.change.as_mut()) {
+        sizes::name_patches(spec, |number| Ok(layout.patches.identities[check_patch(&layout, number)?]))?;
+    }
+    let change = from_proto::change(&shared.engine, change)?;
+    // On the revision that the numbers were looked up in: in another one they may be other patches.
+    let revision = target.session.apply(Some(target.snapshot.revision), &[change])?;
+    Ok(v1::ApplyChangeResponse { revision: revision.0 })
+}
+
 #[tonic::async_trait]
 impl SessionService for Sessions {
     async fn create_session(&self, request: Request<v1::CreateSessionRequest>) -> Result<Response<v1::CreateSessionResponse>, Status> {
@@ -143,6 +171,9 @@ impl SessionService for Sessions {
         let mut call = Call::begin(&self.0, "ApplyChange", &request)?;
         let request = request.into_inner();
         let target = call.target(&request.session, request.base_revision)?;
+        if names_patches(request.change.as_ref()) {
+            return call.compute(Intent::Long, move |shared, run| apply_patch_sizes(shared, run, &target, request)).await;
+        }
         let apply = || {
             let change = from_proto::change(&self.0.engine, request.change)?;
             let revision = target.session.apply(request.base_revision.map(Revision), &[change])?;

@@ -19,5 +19,9 @@ mod files;
 mod lifecycle;
 #[path = "service/limits.rs"]
 mod limits;
+#[path = "service/meshers.rs"]
+mod meshers;
 #[path = "service/patches.rs"]
 mod patches;
+#[path = "service/sizes.rs"]
+mod sizes;
