@@ -47,6 +47,8 @@ pub struct ServerConfig {
     pub max_running_short: usize,
     /// Calls that wait for one of those places; more are refused.
     pub max_queued: usize,
+    /// Streams of session events that may be open; more are refused.
+    pub max_watchers: usize,
     /// How long running calls may go on after shutdown was asked for; then they are cancelled.
     pub grace: Duration,
     /// How often expired sessions are removed.
@@ -64,6 +66,7 @@ impl Default for ServerConfig {
             max_running: 2,
             max_running_short: 4,
             max_queued: 64,
+            max_watchers: 1024,
             grace: Duration::from_secs(10),
             sweep_interval: Duration::from_secs(30),
             clock: Clock::default(),

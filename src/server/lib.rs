@@ -6,8 +6,12 @@
 
 pub mod config;
 
+mod answers;
+mod caller;
 mod convert;
+mod desk;
 mod dispatch;
+mod feed;
 mod progress;
 mod serve;
 mod service;

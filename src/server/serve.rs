@@ -74,6 +74,7 @@ pub async fn serve(listener: TcpListener, config: ServerConfig, shutdown: impl F
         () = shutdown => {
             tracing::info!(grace_seconds = shared.config.grace.as_secs_f64(), "shutting down");
             shared.pool.drain();
+            shared.close_feeds();
             set_health(&health, ServingStatus::NotServing).await;
             let _ = drain.send(true);
             wind_down(&shared, server).await

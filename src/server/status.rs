@@ -18,6 +18,11 @@ pub(crate) enum Fault {
         /// How many wait.
         queued: usize,
     },
+    /// As many streams of events are open as may be.
+    TooManyWatchers {
+        /// How many.
+        most: usize,
+    },
     /// The server is shutting down.
     Draining,
     /// The computation panicked; the log has the details under this id.
@@ -120,6 +125,11 @@ fn parts_of(fault: &Fault) -> Parts {
             retry: true,
             ..plain(Code::ResourceExhausted, "QUEUE_FULL", format!("the daemon is busy: {queued} calls are waiting; try again later"))
         },
+        Fault::TooManyWatchers { most } => Parts {
+            metadata: vec![("limit".to_owned(), "max_watchers".to_owned())],
+            retry: true,
+            ..plain(Code::ResourceExhausted, "LIMIT_REACHED", format!("{most} streams of events are open, which is the limit"))
+        },
         Fault::Draining => plain(Code::Unavailable, "SHUTTING_DOWN", "the daemon is shutting down".to_owned()),
         Fault::Panicked { id } => Parts {
             metadata: vec![("incident".to_owned(), id.clone())],
@@ -162,6 +172,21 @@ pub(crate) fn location(from: &Location) -> v1::Location {
     };
     let [x, y, z] = from.position;
     v1::Location { element: element.into(), ids: from.ids.clone(), position: Some(v1::Point { x, y, z }) }
+}
+
+/// A fault in an event.
+#[derive(Debug, Default)]
+pub(crate) struct Told {
+    pub(crate) code: i32,
+    pub(crate) reason: String,
+    pub(crate) message: String,
+}
+
+impl Told {
+    pub(crate) fn of(fault: &Fault) -> Self {
+        let Parts { code, reason, message, .. } = parts_of(fault);
+        Told { code: code as i32, reason: reason.to_owned(), message }
+    }
 }
 
 /// Writes the end of a call to the log, at the level of who is to blame for it.

@@ -1,7 +1,8 @@
 //! Edits of single patches: split, merge, move faces, take all back.
 
 use crate::convert::{patches, to_proto};
-use crate::state::{Shared, Target};
+use crate::desk::Target;
+use crate::state::Shared;
 use remesh_engine::error::Result as EngineResult;
 use remesh_engine::partition::PatchRequest;
 use remesh_engine::pipeline::{self, Run};
@@ -23,7 +24,7 @@ pub(crate) fn edit(shared: &Shared, run: &Run<'_>, target: &Target, request: &Pa
     let begin = Instant::now();
     let answer = pipeline::edit_patches(&shared.engine, &target.snapshot, request, run)?;
     let edited = answer.value;
-    let revision = target.session.apply(Some(target.snapshot.revision), &[Change::PatchEdit(edited.edit)])?;
+    let revision = target.apply(Some(target.snapshot.revision), &[Change::PatchEdit(edited.edit)])?;
     Ok(Edited {
         revision: revision.0,
         patches: patches::summaries(&edited.layout, &edited.patches),
@@ -38,7 +39,7 @@ pub(crate) fn reset(target: &Target) -> EngineResult<v1::ResetPatchesResponse> {
     let edits = target.snapshot.patch_edits.len() as u32;
     let mut revision = target.snapshot.revision;
     if edits > 0 {
-        revision = target.session.apply(Some(revision), &[Change::ResetPatchEdits])?;
+        revision = target.apply(Some(revision), &[Change::ResetPatchEdits])?;
     }
     Ok(v1::ResetPatchesResponse { revision: revision.0, edits })
 }

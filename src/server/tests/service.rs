@@ -21,3 +21,7 @@ mod lifecycle;
 mod limits;
 #[path = "service/patches.rs"]
 mod patches;
+#[path = "service/several.rs"]
+mod several;
+#[path = "service/watch.rs"]
+mod watch;

@@ -83,8 +83,12 @@ impl Daemon {
     }
 
     pub(crate) async fn change(&self, session: &str, base: Option<u64>, change: v1::change::Change) -> Result<u64, Status> {
-        let request =
-            v1::ApplyChangeRequest { session: session.to_owned(), base_revision: base, change: Some(v1::Change { change: Some(change) }) };
+        let request = v1::ApplyChangeRequest {
+            session: session.to_owned(),
+            base_revision: base,
+            change: Some(v1::Change { change: Some(change) }),
+            ..Default::default()
+        };
         self.sessions().apply_change(request).await.map(|r| r.into_inner().revision)
     }
 
