@@ -1,5 +1,6 @@
 //! Settings of the server. Everything that a test wants to choose is here: limits, the clock, grace periods.
 
+use crate::security::Security;
 use remesh_engine::engine::EngineConfig;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
@@ -55,6 +56,10 @@ pub struct ServerConfig {
     pub sweep_interval: Duration,
     /// The time of day.
     pub clock: Clock,
+    /// Who may call, and over what; by default anybody, in the clear.
+    pub security: Security,
+    /// How often the files of `security` are looked at.
+    pub reload_interval: Duration,
 }
 
 impl Default for ServerConfig {
@@ -70,6 +75,8 @@ impl Default for ServerConfig {
             grace: Duration::from_secs(10),
             sweep_interval: Duration::from_secs(30),
             clock: Clock::default(),
+            security: Security::default(),
+            reload_interval: Duration::from_secs(10),
         }
     }
 }

@@ -5,6 +5,7 @@ use crate::answers::Answers;
 use crate::caller::Caller;
 use crate::config::Clock;
 use crate::feed::Feed;
+use crate::state::Shared;
 use remesh_engine::error::Result;
 use remesh_engine::fingerprint::{Feeder, Fingerprint};
 use remesh_engine::session::{Change, Edit, Revision, Session, Snapshot};
@@ -75,6 +76,8 @@ pub(crate) struct Target {
     pub(crate) caller: Caller,
     /// `request_id` of the call; empty if it has none.
     pub(crate) request_id: String,
+    /// What all calls share.
+    pub(crate) shared: Arc<Shared>,
 }
 
 /// As much of the id of a session as is told in logs: whole ids are keys to sessions.
@@ -110,6 +113,7 @@ impl Target {
                 author: author.to_owned(),
             };
             self.desk.feed.push(revision, Event::RevisionMade(made));
+            self.shared.metrics.revision(&names);
             Ok(())
         })
     }

@@ -5,7 +5,7 @@ use crate::caller::Caller;
 use crate::desk::{Desk, Target, short_id};
 use crate::progress::Meter;
 use crate::state::Shared;
-use crate::status::{Fault, Told, log_end, status_of};
+use crate::status::{Fault, Told, code_name, log_end, status_of};
 use crate::stream::{Chunks, Watch};
 use remesh_engine::EngineError;
 use remesh_engine::error::{Reason, Result as EngineResult};
@@ -101,6 +101,11 @@ impl Pool {
         self.running.load(Ordering::Relaxed)
     }
 
+    /// Whether new calls are refused.
+    pub(crate) fn is_draining(&self) -> bool {
+        self.draining.load(Ordering::Relaxed)
+    }
+
     /// Refuses new calls from now on.
     pub(crate) fn drain(&self) {
         self.draining.store(true, Ordering::Relaxed);
@@ -154,6 +159,7 @@ impl Drop for Call {
         if !self.ended {
             let _entered = self.span.enter();
             tracing::debug!(milliseconds = self.milliseconds(), "the client went away");
+            self.shared.metrics.call(self.method, "Cancelled", self.milliseconds());
         }
     }
 }
@@ -177,7 +183,7 @@ impl Call {
         }
         let mut call = Call { shared: shared.clone(), id, token, deadline, span, begin, ended: false, method, caller, desk: None };
         // Looked at after the call is in the table, so that it is either refused here or seen by `cancel_all`.
-        if shared.pool.draining.load(Ordering::Relaxed) {
+        if shared.pool.is_draining() {
             return Err(call.end(&Fault::Draining));
         }
         Ok(call)
@@ -191,6 +197,7 @@ impl Call {
         self.ended = true;
         let _entered = self.span.enter();
         log_end(Some(fault), self.milliseconds());
+        self.shared.metrics.call(self.method, code_name(fault), self.milliseconds());
         status_of(fault)
     }
 
@@ -201,6 +208,7 @@ impl Call {
                 self.ended = true;
                 let _entered = self.span.enter();
                 log_end(None, self.milliseconds());
+                self.shared.metrics.call(self.method, "OK", self.milliseconds());
                 drop(_entered);
                 Ok(Response::new(value))
             }
@@ -355,7 +363,10 @@ impl Call {
                 let _entered = span.enter();
                 let (_permit, _running) = (permit, running);
                 catch_unwind(AssertUnwindSafe(|| {
-                    let events = |event: &remesh_engine::pipeline::Event| meters.iter().flatten().for_each(|meter| meter.on(event));
+                    let events = |event: &remesh_engine::pipeline::Event| {
+                        shared.metrics.on(event);
+                        meters.iter().flatten().for_each(|meter| meter.on(event));
+                    };
                     work(&shared, &Run { cancel: &token, events: &events, threads: shared.config.engine.threads })
                 }))
             };

@@ -8,6 +8,7 @@ use remesh_proto::v1;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 use tokio::sync::{mpsc, watch};
 use v1::watch_session_response::Event;
 
@@ -16,7 +17,10 @@ const KEPT_STAGE_EVENTS: usize = 1024;
 /// Other events that are kept; apart, so that a chatty stage pushes no revision out.
 const KEPT_OTHER_EVENTS: usize = 256;
 /// Events on their way to a reader, beside what the transport buffers.
-const IN_FLIGHT: usize = 16;
+const IN_FLIGHT: usize = 64;
+/// Shortest time between two bursts to a reader: events that come together travel in one frame. Transports cut connections on which many
+/// small frames pile up, and other calls with them.
+const PACE: Duration = Duration::from_millis(20);
 
 #[derive(Debug, Default)]
 struct Ring {
@@ -191,6 +195,7 @@ pub(crate) fn follow(feed: Arc<Feed>, start: Start, without_stages: bool, seat: 
                     return;
                 }
             }
+            tokio::time::sleep(PACE).await;
             tokio::select! {
                 changed = last.changed() => if changed.is_err() { return },
                 () = sender.closed() => return,

@@ -4,6 +4,7 @@ use crate::caller::Caller;
 use crate::config::ServerConfig;
 use crate::desk::{Desk, Target, short_id};
 use crate::dispatch::Pool;
+use crate::metrics::Metrics;
 use crate::service::upload::UploadBudget;
 use remesh_engine::EngineError;
 use remesh_engine::engine::Engine;
@@ -26,6 +27,8 @@ pub(crate) struct Shared {
     pub(crate) pool: Pool,
     /// Bytes of uploads under way.
     pub(crate) uploads: UploadBudget,
+    /// What has happened.
+    pub(crate) metrics: Metrics,
     /// Readers of events.
     pub(crate) watchers: Arc<AtomicUsize>,
     desks: Mutex<HashMap<String, Arc<Desk>>>,
@@ -55,7 +58,7 @@ impl Shared {
         let engine = Engine::new(config.engine.clone());
         let pool = Pool::new(config.max_running, config.max_running_short, config.max_queued);
         let uploads = UploadBudget::default();
-        Arc::new(Shared { config, engine, pool, uploads, watchers: Arc::default(), desks: Mutex::default() })
+        Arc::new(Shared { config, engine, pool, uploads, metrics: Metrics::default(), watchers: Arc::default(), desks: Mutex::default() })
     }
 
     fn desks(&self) -> MutexGuard<'_, HashMap<String, Arc<Desk>>> {
@@ -83,7 +86,13 @@ impl Shared {
     }
 
     /// The session and its inputs, if it is at the expected revision.
-    pub(crate) fn target(&self, name: &str, expected_revision: Option<u64>, caller: &Caller, request_id: &str) -> Result<Target> {
+    pub(crate) fn target(
+        self: &Arc<Self>,
+        name: &str,
+        expected_revision: Option<u64>,
+        caller: &Caller,
+        request_id: &str,
+    ) -> Result<Target> {
         let (session, desk) = self.session(name, "session", caller)?;
         let snapshot = session.snapshot();
         match expected_revision.map(Revision) {
@@ -94,7 +103,7 @@ impl Shared {
                     .with_metadata("expected_revision", expected.0)
                     .with_metadata("current_revision", snapshot.revision.0))
             }
-            _ => Ok(Target { session, snapshot, desk, caller: caller.clone(), request_id: request_id.to_owned() }),
+            _ => Ok(Target { session, snapshot, desk, caller: caller.clone(), request_id: request_id.to_owned(), shared: self.clone() }),
         }
     }
 

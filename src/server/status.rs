@@ -23,6 +23,13 @@ pub(crate) enum Fault {
         /// How many.
         most: usize,
     },
+    /// Nobody that the server knows.
+    Unauthenticated {
+        /// Stable reason.
+        reason: &'static str,
+        /// And in words.
+        message: String,
+    },
     /// The server is shutting down.
     Draining,
     /// The computation panicked; the log has the details under this id.
@@ -130,6 +137,7 @@ fn parts_of(fault: &Fault) -> Parts {
             retry: true,
             ..plain(Code::ResourceExhausted, "LIMIT_REACHED", format!("{most} streams of events are open, which is the limit"))
         },
+        Fault::Unauthenticated { reason, message } => plain(Code::Unauthenticated, reason, message.clone()),
         Fault::Draining => plain(Code::Unavailable, "SHUTTING_DOWN", "the daemon is shutting down".to_owned()),
         Fault::Panicked { id } => Parts {
             metadata: vec![("incident".to_owned(), id.clone())],
@@ -172,6 +180,29 @@ pub(crate) fn location(from: &Location) -> v1::Location {
     };
     let [x, y, z] = from.position;
     v1::Location { element: element.into(), ids: from.ids.clone(), position: Some(v1::Point { x, y, z }) }
+}
+
+/// Name of the status code of a fault, in metrics.
+pub(crate) fn code_name(fault: &Fault) -> &'static str {
+    match parts_of(fault).code {
+        Code::Ok => "OK",
+        Code::Cancelled => "Cancelled",
+        Code::Unknown => "Unknown",
+        Code::InvalidArgument => "InvalidArgument",
+        Code::DeadlineExceeded => "DeadlineExceeded",
+        Code::NotFound => "NotFound",
+        Code::AlreadyExists => "AlreadyExists",
+        Code::PermissionDenied => "PermissionDenied",
+        Code::ResourceExhausted => "ResourceExhausted",
+        Code::FailedPrecondition => "FailedPrecondition",
+        Code::Aborted => "Aborted",
+        Code::OutOfRange => "OutOfRange",
+        Code::Unimplemented => "Unimplemented",
+        Code::Internal => "Internal",
+        Code::Unavailable => "Unavailable",
+        Code::DataLoss => "DataLoss",
+        Code::Unauthenticated => "Unauthenticated",
+    }
 }
 
 /// A fault in an event.
@@ -229,6 +260,24 @@ mod tests {
         let locations = v1::GeometryLocations::decode(&*detail.value).expect("decodes");
         assert_eq!((locations.total, locations.locations.len()), (150, 100));
         assert_eq!(locations.locations[0].ids, [3, 4]);
+    }
+
+    /// Texts in UPPER_SNAKE of a source file.
+    fn reasons(source: &str) -> Vec<&str> {
+        let snake = |text: &&str| text.len() > 4 && text.bytes().all(|b| b.is_ascii_uppercase() || b == b'_');
+        source.split('"').filter(snake).collect()
+    }
+
+    #[test]
+    fn every_reason_is_in_the_list_for_people() {
+        let list = include_str!("../../docs/errors.md");
+        let ours = include_str!("status.rs").split("#[cfg(test)]").next().expect("code");
+        let sources = [include_str!("../engine/error.rs"), ours, include_str!("security.rs")];
+        let all: Vec<&str> = sources.into_iter().flat_map(reasons).collect();
+        assert!(all.len() > 30 && all.contains(&"STALE_REVISION") && all.contains(&"TOKEN_MISSING"), "{all:?}");
+        for reason in all {
+            assert!(list.contains(&format!("`{reason}`")), "{reason} is not in docs/errors.md");
+        }
     }
 
     #[test]

@@ -1,10 +1,13 @@
 //! The command line of `remesh`, as clap sees it.
 
 mod chart;
+mod connect;
+mod history;
 mod patch;
 mod values;
 
 pub(crate) use chart::{ChartAllArgs, ChartArgs, ChartOutput, ChartSpecArgs, ChartVerb, PatchOf, PatchSpecArgs};
+pub(crate) use history::{HistoryVerb, StepArgs, WatchArgs};
 pub(crate) use patch::{PartitionArgs, PatchArgs, PatchVerb};
 #[cfg(test)]
 pub(crate) use values::PinArg;
@@ -30,7 +33,8 @@ Exit codes:
   130  interrupted (the work is cancelled, on the daemon too)
 
 Environment:
-  REMESH_ENDPOINT  daemon to use when --endpoint is not given, as in http://127.0.0.1:50061
+  REMESH_ENDPOINT    daemon to use when --endpoint is not given, as in http://127.0.0.1:50061
+  REMESH_TOKEN_FILE  and REMESH_TLS_CA, REMESH_TLS_CERT, REMESH_TLS_KEY, REMESH_TLS_DOMAIN: as the options of that name
 
 Without an endpoint the work is done inside this process. The verbs that take a SESSION need a running daemon (`remeshd`),
 because a session lives in it.";
@@ -57,6 +61,8 @@ pub(crate) struct GlobalArgs {
     /// No progress bars, and no summary of what succeeded
     #[arg(long, short, global = true)]
     pub(crate) quiet: bool,
+    #[command(flatten)]
+    pub(crate) connect: connect::ConnectArgs,
     /// Threads that compute, when the work is done inside this process; default: all cores
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(crate) threads: Option<u32>,
@@ -94,6 +100,8 @@ pub(crate) enum Command {
     Export(ExportArgs),
     /// Go back to the inputs of an earlier revision of a session
     Rollback(RollbackArgs),
+    #[command(flatten)]
+    History(HistoryVerb),
     /// Tell version, limits and cache usage of the daemon
     Status,
 }

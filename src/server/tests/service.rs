@@ -21,6 +21,8 @@ mod lifecycle;
 mod limits;
 #[path = "service/patches.rs"]
 mod patches;
+#[path = "service/security.rs"]
+mod security;
 #[path = "service/several.rs"]
 mod several;
 #[path = "service/watch.rs"]

@@ -29,10 +29,9 @@ async fn get(daemon: &Daemon, session: &str) -> v1::Session {
 async fn the_later_of_two_writers_is_told_the_current_revision() {
     let daemon = Daemon::usual().await;
     let session = daemon.session().await;
-    let (one, other) = tokio::join!(
-        async { daemon.sessions().apply_change(apply(&session, Some(0), "", 1_000)).await },
-        async { daemon.sessions().apply_change(apply(&session, Some(0), "", 2_000)).await },
-    );
+    let (one, other) = tokio::join!(async { daemon.sessions().apply_change(apply(&session, Some(0), "", 1_000)).await }, async {
+        daemon.sessions().apply_change(apply(&session, Some(0), "", 2_000)).await
+    },);
     let (won, lost): (Vec<_>, Vec<_>) = [one, other].into_iter().partition(Result::is_ok);
     assert_eq!((won.len(), lost.len()), (1, 1));
     let status = assert_refused(lost.into_iter().next().expect("one"), Code::Aborted, "STALE_REVISION");

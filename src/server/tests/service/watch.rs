@@ -3,7 +3,9 @@
 use crate::harness::{Daemon, assert_refused, size_of_count, small_config};
 use remesh_proto::v1;
 use std::time::Duration;
+use tonic::transport::Endpoint;
 use tonic::{Code, Streaming};
+use v1::session_service_client::SessionServiceClient;
 use v1::watch_session_request::Start;
 use v1::watch_session_response::Event;
 
@@ -98,20 +100,27 @@ async fn errors_of_work_are_told() {
 async fn a_reader_that_never_reads_stalls_nothing_and_is_told_what_it_missed() {
     let daemon = Daemon::usual().await;
     let session = daemon.tube(500, 400).await;
-    let mut idle = watch(&daemon, &session, None, false).await.expect("watch");
-    let others = [watch(&daemon, &session, None, false).await.expect("watch"), watch(&daemon, &session, None, false).await.expect("watch")];
+    // A connection that buffers little, with three streams that nobody reads.
+    let slow = Endpoint::from_shared(format!("http://{}", daemon.address)).expect("uri").initial_stream_window_size(64 << 10);
+    let mut slow = SessionServiceClient::new(slow.connect().await.expect("connects"));
+    let request = v1::WatchSessionRequest { session: session.clone(), ..Default::default() };
+    let mut streams = Vec::new();
+    for _ in 0..3 {
+        streams.push(slow.watch_session(request.clone()).await.expect("watch").into_inner());
+    }
+    let mut idle = streams.pop().expect("three");
     // More than the transport buffers and the ring keeps.
     let name = "x".repeat(64);
-    for n in 0..6_000u64 {
+    for n in 0..3_000u64 {
         let change = Some(v1::Change { change: Some(size_of_count(400 + n)) });
         let request_id = format!("{}{n:06}", &name[..58]);
         let request = v1::ApplyChangeRequest { session: session.clone(), base_revision: Some(2 + n), change, request_id };
         daemon.sessions().apply_change(request).await.expect("an edit is never held up");
     }
     daemon.remesh(&session).await.expect("nor is work");
-    drop(others);
+    drop(streams);
     let (mut missed, mut last) = (0, 0);
-    while last < 6_002 {
+    while last < 3_002 {
         let event = next(&mut idle).await;
         match event.event.expect("event") {
             Event::Lagged(lagged) => missed += lagged.missed,
