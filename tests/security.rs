@@ -100,7 +100,10 @@ fn tokens_of_the_daemon_let_the_client_in_and_metrics_tell_what_happened() {
     ok(&remesh(&["sample", "tube", "--triangles", "500", "-o", &import]));
     ok(&at(&["import", &session, &import, "--token-file", &token]));
     assert!(ok(&at(&["session", "list", "--token-file", &token])).contains(&session));
-    assert!(ok(&at(&["watch", &session, "--after-revision", "0", "--count", "1", "--token-file", &token])).contains("by token:alice"));
+    assert!(
+        ok(&at(&["watch", &session, "--after-revision", "0", "--no-stages", "--count", "1", "--token-file", &token]))
+            .contains("by token:alice")
+    );
     let metrics = daemon.get("/metrics");
     for line in [
         "HTTP/1.1 200 OK",
