@@ -7,7 +7,7 @@ use crate::fingerprint::{Contents, Feeder};
 use crate::parametrize::Chart;
 use crate::patch::Patch;
 use crate::topology::Topology;
-use crate::vector::{Vec2, Vec3};
+use crate::vector::{Vec2, Vec3, triangle_area};
 use crate::work::Work;
 use std::collections::BTreeMap;
 
@@ -122,6 +122,25 @@ pub enum Mesher {
 /// Rounds of smoothing in the plane after the front has closed.
 const SMOOTHING_ROUNDS: usize = 3;
 
+/// A patch mesh of more than this many times the vertices that the area of the patch asks for is not one of the chart.
+const VERTICES_OVER_WANTED: f64 = 4.0;
+
+/// Most vertices of a mesh of a patch: what its area asks for at the wanted lengths, several times over, and its curves.
+fn most_vertices(patch: &Patch, vertex_size: &[f64], curves: &[CurveUse<'_>]) -> usize {
+    let on_curves: usize = curves.iter().map(|c| c.mesh.points.len()).sum();
+    let wanted: f64 = patch
+        .triangles
+        .iter()
+        .map(|t| {
+            let [a, b, c] = t.map(|v| patch.positions[v as usize]);
+            let size = t.iter().map(|&v| vertex_size[v as usize]).sum::<f64>() / 3.0;
+            // Twice the area of an equilateral triangle for each vertex.
+            triangle_area(a, b, c) / (0.75f64.sqrt() * size * size)
+        })
+        .sum();
+    64 + 4 * on_curves + (VERTICES_OVER_WANTED * wanted) as usize
+}
+
 /// Meshes a chart. `vertex_size` is the wanted length in space at each patch vertex. Deterministic; near-linear.
 ///
 /// Always delivers a mesh of the patch's topology with exactly the curve points on its boundary and curves, at any size: where
@@ -144,17 +163,26 @@ pub fn mesh_chart(
     let topology = Topology::build(&patch.triangles, patch.positions.len())?;
     let mut outline = boundary::Outline::new(patch, &chart.uv, &topology, curves)?;
     let locator = locate::Locator::new(patch, &chart.uv, &topology);
-    let Some(mut mesh) = outline.triangulate(patch, &chart.uv, &topology, curves, work)? else {
-        return reduce::from_patch(patch, &chart.uv, &topology, curves, vertex_size, &locator, work);
-    };
     let field = metric::MetricField::new(patch, &chart.uv, vertex_size);
-    mesh.metric = outline.metrics(&locator, &field);
-    let domain = frontal::Domain { locator: &locator, field: &field };
-    let first_free = mesh.uv.len();
-    let mut points = std::mem::take(&mut outline.points);
-    mesh.flip_all();
-    frontal::fill(&domain, &mut mesh, &mut points, work)?;
-    smooth::smooth(&domain, &mut mesh, &mut points, first_free, SMOOTHING_ROUNDS, work)?;
+    let most = most_vertices(patch, vertex_size, curves);
+    let domain = frontal::Domain { locator: &locator, field: &field, most };
+    let (mesh, points) = loop {
+        let Some(mut mesh) = outline.triangulate(patch, &chart.uv, &topology, curves, work)? else {
+            return reduce::from_patch(patch, &chart.uv, &topology, curves, vertex_size, &locator, work);
+        };
+        mesh.metric = outline.metrics(&locator, &field);
+        let first_free = mesh.uv.len();
+        let mut points = outline.points.clone();
+        mesh.flip_all();
+        if frontal::fill(&domain, &mut mesh, &mut points, work)? == frontal::Filled::Whole {
+            smooth::smooth(&domain, &mut mesh, &mut points, first_free, SMOOTHING_ROUNDS, work)?;
+            break (mesh, points);
+        }
+        // Chords of the curves leave the chart, where squeezed faces beside it stand for the metric: follow the curves more closely.
+        if outline.refine_all(&chart.uv, &topology, curves)? == 0 {
+            return reduce::from_patch(patch, &chart.uv, &topology, curves, vertex_size, &locator, work);
+        }
+    };
     let mut origins = std::mem::take(&mut outline.origins);
     origins.resize(mesh.uv.len(), VertexOrigin::Interior);
     let planar = PlanarMesh { uv: mesh.uv, triangles: mesh.tri, origins, points };

@@ -179,11 +179,16 @@ impl Outline {
             if let Some(mesh) = constrained(&self.uv, &edges, &self.strands, patch.loops.len()) {
                 return Ok(Some(mesh));
             }
-            let all = edges.iter().map(|&(_, _, s, i)| (s, i)).collect();
-            if self.refine(uv, topology, curves, all)? == 0 {
+            if self.refine_all(uv, topology, curves)? == 0 {
                 return Ok(None);
             }
         }
+    }
+
+    /// Brings every edge nearer to its curve; returns how many had a vertex left to take in.
+    pub(super) fn refine_all(&mut self, uv: &[Vec2], topology: &Topology, curves: &[CurveUse<'_>]) -> Result<usize> {
+        let all = self.edges().iter().map(|&(_, _, s, i)| (s, i)).collect();
+        self.refine(uv, topology, curves, all)
     }
 
     /// The metric at every vertex.

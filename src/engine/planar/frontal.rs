@@ -5,7 +5,7 @@ use super::SurfacePoint;
 use super::locate::{Locator, area2};
 use super::metric::{Metric, MetricField, density, inner, length};
 use super::triangulation::{Found, NONE, Triangulation, next, previous};
-use crate::error::{EngineError, Reason, Result};
+use crate::error::Result;
 use crate::vector::Vec2;
 use crate::work::Work;
 use std::collections::BinaryHeap;
@@ -18,13 +18,21 @@ const GOOD_RADIUS: f64 = 0.75;
 const LEAST_DISTANCE: f64 = 0.65;
 /// Least height of a new point over a fixed edge.
 const LEAST_HEIGHT: f64 = 0.4;
-/// Most vertices of one patch mesh.
-const MAX_VERTICES: usize = 50_000_000;
 
 /// The chart, seen through the metric, while its mesh grows.
 pub(super) struct Domain<'a> {
     pub(super) locator: &'a Locator<'a>,
     pub(super) field: &'a MetricField,
+    /// Most vertices the mesh may come to have.
+    pub(super) most: usize,
+}
+
+/// How the filling of an outline ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Filled {
+    Whole,
+    /// [`Domain::most`] was reached: the outline holds parts of the plane that are not the chart.
+    TooMany,
 }
 
 impl Domain<'_> {
@@ -210,7 +218,7 @@ impl Front<'_> {
 }
 
 /// Fills the triangulated boundary with points. `points` grows along with the vertices.
-pub(super) fn fill(domain: &Domain<'_>, mesh: &mut Triangulation, points: &mut Vec<SurfacePoint>, work: &Work<'_>) -> Result<()> {
+pub(super) fn fill(domain: &Domain<'_>, mesh: &mut Triangulation, points: &mut Vec<SurfacePoint>, work: &Work<'_>) -> Result<Filled> {
     let count = mesh.tri.len();
     let mut front = Front { domain, mesh, points, good: vec![false; count], stamp: vec![0; count], heap: BinaryHeap::new() };
     (0..count as u32).for_each(|t| front.renew(t));
@@ -224,9 +232,9 @@ pub(super) fn fill(domain: &Domain<'_>, mesh: &mut Triangulation, points: &mut V
         round += 1;
         if round.is_multiple_of(1024) {
             work.check()?;
-            if front.mesh.uv.len() > MAX_VERTICES {
-                return Err(EngineError::new(Reason::LimitReached, format!("a patch mesh exceeds {MAX_VERTICES} vertices")));
-            }
+        }
+        if front.mesh.uv.len() > domain.most {
+            return Ok(Filled::TooMany);
         }
         touched.clear();
         front.advance(t, &mut touched);
@@ -245,5 +253,5 @@ pub(super) fn fill(domain: &Domain<'_>, mesh: &mut Triangulation, points: &mut V
             }
         }
     }
-    Ok(())
+    Ok(Filled::Whole)
 }

@@ -63,6 +63,24 @@ fn face_metric(patch: &Patch, uv: &[Vec2], face: usize) -> Option<(Metric, f64)>
     m.iter().all(|v| v.is_finite()).then_some((m, area))
 }
 
+/// A face whose share of the chart is this much smaller than its share of the surface is squeezed flat: what its map says is rounding.
+const SQUEEZED: f64 = 1e-9;
+
+/// Twice the area in the chart below which each face is squeezed.
+fn least_areas(patch: &Patch, uv: &[Vec2]) -> impl Fn(usize) -> f64 {
+    let surface = |f: usize| {
+        let [a, b, c] = patch.triangles[f].map(|v| patch.positions[v as usize]);
+        2.0 * triangle_area(a, b, c)
+    };
+    let in_chart = |f: usize| {
+        let [a, b, c] = patch.triangles[f].map(|v| uv[v as usize]);
+        area2(a, b, c).max(0.0)
+    };
+    let faces = 0..patch.triangles.len();
+    let ratio = faces.clone().map(in_chart).sum::<f64>() / faces.map(surface).sum::<f64>();
+    move |f| SQUEEZED * ratio * surface(f)
+}
+
 impl MetricField {
     /// Metrics of the faces averaged to the vertices by chart area, so that for a conformal map the metric at a vertex is the
     /// ratio of areas around it.
@@ -70,8 +88,9 @@ impl MetricField {
         let mut values = vec![[0.0; 4]; patch.positions.len()];
         let mut weight = vec![0.0; values.len()];
         let mut faces = vec![[0.0; 4]; patch.triangles.len()];
+        let least = least_areas(patch, uv);
         for f in 0..patch.triangles.len() {
-            let Some((m, area)) = face_metric(patch, uv, f) else { continue };
+            let Some((m, area)) = face_metric(patch, uv, f).filter(|x| x.1 > least(f)) else { continue };
             faces[f] = [m[0], m[1], m[2], face_weight(patch, f, sizes)];
             for &v in &patch.triangles[f] {
                 for k in 0..3 {

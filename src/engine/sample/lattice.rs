@@ -12,6 +12,8 @@ use crate::work::Work;
 /// Cells of a leaf block along each axis.
 const BLOCK: i32 = 8;
 const SIDE: usize = BLOCK as usize + 1;
+/// Parts of a block along each axis; each has its own list of primitives.
+const PARTS: usize = 3;
 /// Closest a cut comes to an end of its lattice edge.
 const MARGIN: f64 = 0.015;
 const STEP: f64 = 0.25;
@@ -118,12 +120,29 @@ impl Sweep<'_> {
         Ok(())
     }
 
+    /// The primitives that matter within a radius (times [`SLOPE`]) of a point.
+    fn near(&self, centre: Vec3, radius: f64, among: &[u16]) -> Vec<u16> {
+        let distances: Vec<f64> = among.iter().map(|&i| self.field.primitives[i as usize].distance(centre)).collect();
+        let close = distances.iter().copied().fold(f64::INFINITY, f64::min) + self.field.blend + 2.0 * radius;
+        among.iter().zip(&distances).filter(|(_, d)| **d <= close).map(|(&i, _)| i).collect()
+    }
+
     fn block(&mut self, low: [i32; 3], among: &[u16]) {
         let mut values = [0.0; SIDE * SIDE * SIDE];
-        for (slot, value) in values.iter_mut().enumerate() {
-            let node = [low[0] + (slot % SIDE) as i32, low[1] + (slot / SIDE % SIDE) as i32, low[2] + (slot / SIDE / SIDE) as i32];
-            let raw = self.field.value(self.lattice.at(node), among, &mut self.scratch) / self.lattice.spacing;
-            *value = scanned(raw, node);
+        for part in 0..PARTS * PARTS * PARTS {
+            let first = [part % PARTS, part / PARTS % PARTS, part / PARTS / PARTS].map(|x| x * (SIDE / PARTS));
+            let near = self.near(
+                self.lattice.at(std::array::from_fn(|k| low[k] + first[k] as i32 + 1)),
+                SLOPE * self.lattice.block_radius(2),
+                among,
+            );
+            for k in 0..(SIDE / PARTS).pow(3) {
+                let width = SIDE / PARTS;
+                let at = [first[0] + k % width, first[1] + k / width % width, first[2] + k / width / width];
+                let node = std::array::from_fn(|k| low[k] + at[k] as i32);
+                let raw = self.field.value(self.lattice.at(node), &near, &mut self.scratch) / self.lattice.spacing;
+                values[at[0] + SIDE * (at[1] + SIDE * at[2])] = scanned(raw, node);
+            }
         }
         for cell in 0..(BLOCK * BLOCK * BLOCK) {
             let at = [cell % BLOCK, cell / BLOCK % BLOCK, cell / BLOCK / BLOCK];
