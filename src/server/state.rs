@@ -2,7 +2,8 @@
 
 use crate::caller::Caller;
 use crate::config::ServerConfig;
-use crate::desk::{Desk, Target, short_id};
+pub(crate) use crate::desk::Target;
+use crate::desk::{Desk, short_id};
 use crate::dispatch::Pool;
 use crate::metrics::Metrics;
 use crate::service::upload::UploadBudget;

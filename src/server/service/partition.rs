@@ -3,9 +3,8 @@
 use super::patch_edit;
 use crate::answers::{Open, open_edit};
 use crate::convert::{from_proto, patches, to_proto};
-use crate::desk::Target;
 use crate::dispatch::{Call, Intent};
-use crate::state::Shared;
+use crate::state::{Shared, Target};
 use crate::stream::{Chunks, Column, Watch};
 use remesh_engine::EngineError;
 use remesh_engine::error::{Reason, Result as EngineResult};

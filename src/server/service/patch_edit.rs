@@ -1,8 +1,7 @@
 //! Edits of single patches: split, merge, move faces, take all back.
 
 use crate::convert::{patches, to_proto};
-use crate::desk::Target;
-use crate::state::Shared;
+use crate::state::{Shared, Target};
 use remesh_engine::error::Result as EngineResult;
 use remesh_engine::partition::PatchRequest;
 use remesh_engine::pipeline::{self, Run};

@@ -1,9 +1,8 @@
 //! `QualityService`: how good a mesh is, measured against another.
 
 use crate::convert::{from_proto, to_proto};
-use crate::desk::Target;
 use crate::dispatch::{Call, Intent};
-use crate::state::Shared;
+use crate::state::{Shared, Target};
 use remesh_engine::error::Result as EngineResult;
 use remesh_engine::pipeline::{self, Run};
 use remesh_proto::v1;

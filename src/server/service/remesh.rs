@@ -2,9 +2,8 @@
 
 use super::mesh::write;
 use crate::convert::{from_proto, to_proto};
-use crate::desk::Target;
 use crate::dispatch::{Call, Intent};
-use crate::state::Shared;
+use crate::state::{Shared, Target};
 use crate::stream::Watch;
 use remesh_engine::EngineError;
 use remesh_engine::error::{Reason, Result as EngineResult};

@@ -3,10 +3,10 @@
 use crate::answers::open_edit;
 use crate::caller::Caller;
 use crate::convert::{from_proto, to_proto};
-use crate::desk::{Desk, Target};
+use crate::desk::Desk;
 use crate::dispatch::Call;
 use crate::feed::{Seat, Start, follow};
-use crate::state::{Shared, session_name};
+use crate::state::{Shared, Target, session_name};
 use crate::status::Fault;
 use crate::stream::Watch;
 use remesh_engine::EngineError;
