@@ -27,7 +27,6 @@ impl SessionEvents {
     /// # Errors
     /// Those of [`Client::watch`], after a few tries if the daemon cannot be reached.
     pub async fn next(&mut self) -> Result<Option<v1::WatchSessionResponse>> {
-        let mut tries = 0;
         while !self.closed {
             let cause = match self.stream.message().await {
                 Ok(Some(event)) => {
@@ -38,16 +37,27 @@ impl SessionEvents {
                 Ok(None) => ClientError::protocol("events that ended before the session"),
                 Err(status) => status.into(),
             };
-            if !matches!(cause, ClientError::Unreachable { .. }) || tries == RETRIES {
-                return Err(cause);
-            }
-            tokio::time::sleep(RETRY_DELAY * 2u32.pow(tries)).await;
-            tries += 1;
-            if let Ok(stream) = self.client.sessions().watch_session(self.request.clone()).await {
-                self.stream = stream.into_inner();
-            }
+            self.reopen(cause).await?;
         }
         Ok(None)
+    }
+
+    /// Opens a broken stream again, if that is what `cause` says.
+    async fn reopen(&mut self, mut cause: ClientError) -> Result<()> {
+        for tries in 0..RETRIES {
+            if !matches!(cause, ClientError::Unreachable { .. }) {
+                break;
+            }
+            tokio::time::sleep(RETRY_DELAY * 2u32.pow(tries)).await;
+            match self.client.sessions().watch_session(self.request.clone()).await {
+                Ok(stream) => {
+                    self.stream = stream.into_inner();
+                    return Ok(());
+                }
+                Err(status) => cause = status.into(),
+            }
+        }
+        Err(cause)
     }
 }
 

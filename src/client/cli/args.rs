@@ -61,11 +61,11 @@ pub(crate) struct GlobalArgs {
     /// No progress bars, and no summary of what succeeded
     #[arg(long, short, global = true)]
     pub(crate) quiet: bool,
-    #[command(flatten)]
-    pub(crate) connect: connect::ConnectArgs,
     /// Threads that compute, when the work is done inside this process; default: all cores
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(crate) threads: Option<u32>,
+    #[command(flatten)]
+    pub(crate) connect: connect::ConnectArgs,
 }
 
 #[derive(Debug, Subcommand)]
