@@ -84,6 +84,20 @@ fn a_sample_is_written_diagnosed_and_remeshed() {
 }
 
 #[test]
+fn quadrangles_are_made_measured_drawn_and_written() {
+    let scratch = Scratch::new("quads");
+    scratch.remesh(&["sample", "tube", "--triangles", "2000", "-o", "tube.stl"]).ok();
+    let run = ["run", "tube.stl", "-o", "out.obj", "--triangles", "2000", "--mesher", "quads", "--all-quads", "--json"];
+    let run = scratch.remesh(&run).ok();
+    assert!(run.out.contains(r#""quads":{"#) && run.out.contains(r#""eta_mean":0."#), "{run:?}");
+    let obj = std::fs::read_to_string(scratch.path("out.obj")).expect("written");
+    let mut faces = obj.lines().filter(|line| line.starts_with("f ")).map(|line| line.split(' ').count() - 1);
+    assert!(faces.all(|corners| corners == 4));
+    let refused = scratch.remesh(&["run", "tube.stl", "-o", "o.obj", "--triangles", "500", "--mesher", "frontal", "--all-quads"]);
+    assert!(refused.code == Some(2) && refused.err.contains("--all-quads"), "{refused:?}");
+}
+
+#[test]
 fn the_same_command_gives_the_same_file() {
     let scratch = Scratch::new("same");
     scratch.remesh(&["sample", "cad-part", "--triangles", "2000", "-o", "part.stl"]).ok();
@@ -94,6 +108,32 @@ fn the_same_command_gives_the_same_file() {
     assert_eq!(read("a.msh"), read("b.msh"));
     let compared = scratch.remesh(&["quality", "part.stl", "a.msh", "--json"]).ok();
     assert!(compared.out.contains(r#""topology_kept":true"#) && compared.out.contains(r#""tau":null"#), "{compared:?}");
+}
+
+#[test]
+fn size_fields_and_locks_are_given_on_the_command_line() {
+    let scratch = Scratch::new("fields");
+    scratch.remesh(&["sample", "tube", "--triangles", "2000", "-o", "t.off"]).ok();
+    std::fs::write(scratch.path("line.txt"), "0 0 -9 0.4\n0 0 9 0.4\n\n7 7 7 0.2\n").expect("written");
+    let fields = ["--field", "curvature:normal_angle=25", "--field", "centerline:elements_around=30,file=line.txt"];
+    let run =
+        [&["run", "t.off", "-o", "out.vtu", "--triangles", "3000", "--min-size", "0.001", "--lock", "boundary"][..], &fields].concat();
+    let done = scratch.remesh(&run).ok();
+    assert!(done.out.contains("result"), "{done:?}");
+    let ball = "sphere:center=0,0,0,radius=1,size=0.1,growth_rate=1.3";
+    scratch.remesh(&["render", "t.off", "-o", "size.png", "--by", "size", "--max-size", "0.5", "--field", ball]).ok();
+    assert!(starts_with(&scratch.path("size.png"), PNG));
+    for (bad, told) in [
+        (["--size", "0.3", "--field", "heat:x=1"], "no kind of field"),
+        (["--size", "0.3", "--field", "distance:from=points,size=1"], "needs file"),
+        (["--min-size", "0.3", "--field", ball], "--max-size"),
+        (["--size", "0.3", "--field", "distance:from=points,size=1,file=absent.txt"], "absent.txt"),
+        (["--size", "0.3", "--field", "proximity:elements_per_gap=3"], "min_size"),
+        (["--size", "0.3", "--lock", "all"], "boundary"),
+    ] {
+        let failed = scratch.remesh(&[&["run", "t.off", "-o", "bad.stl"][..], &bad].concat());
+        assert!(failed.code != Some(0) && failed.err.contains(told), "{bad:?}: {failed:?}");
+    }
 }
 
 #[test]
@@ -135,6 +175,22 @@ fn mistakes_are_told_before_the_work() {
     assert_eq!(code(&["session", "list"]), Some(2), "needs a daemon");
     assert_eq!(code(&["status", "--endpoint", "http://127.0.0.1:9"]), Some(4));
     assert_eq!(code(&["status"]), Some(0));
+}
+
+#[test]
+fn meshers_are_chosen_and_their_options_go_with_them() {
+    let scratch = Scratch::new("meshers");
+    scratch.remesh(&["sample", "tube", "--triangles", "800", "-o", "t.stl"]).ok();
+    for mesher in ["frontal", "delaunay", "mesh-adapt", "anisotropic"] {
+        scratch.remesh(&["run", "t.stl", "-o", "o.stl", "--triangles", "400", "--mesher", mesher]).ok();
+    }
+    let run = |more: &[&str]| scratch.remesh(&[&["run", "t.stl", "-o", "o.stl", "--triangles", "400"], more].concat()).code;
+    assert_eq!(run(&["--mesher", "delaunay", "--min-angle", "25"]), Some(0));
+    assert_eq!(run(&["--mesher", "anisotropic", "--metric-normal-angle", "15", "--max-stretch", "4"]), Some(0));
+    assert_eq!(run(&["--min-angle", "25"]), Some(2));
+    assert_eq!(run(&["--mesher", "frontal", "--max-stretch", "4"]), Some(2));
+    std::fs::write(scratch.path("tensors.txt"), "1 0 0 1 0 1\n").expect("written");
+    assert_eq!(run(&["--mesher", "anisotropic", "--metric-file", "tensors.txt"]), Some(1), "one tensor for many vertices");
 }
 
 #[test]

@@ -48,7 +48,8 @@ pub struct GeometryLocations {
 /// What one stage did in a call.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct StageRecord {
-    /// The stage: `import`, `topology`, `search_tree`, `features`, `partition`, `patches`, `factor`, `chart`, `size`, `curve`,
+    /// The stage: `import`, `topology`, `search_tree`, `features`, `partition`, `patches`, `factor`, `chart`, `curvature`,
+    /// `proximity`, `thickness`, `centerline`, `size`, `curve`,
     /// `planar`, `lift`, `interior`, `assembly`, `optimize`, `quality`. More may come.
     #[prost(string, tag = "1")]
     pub stage: ::prost::alloc::string::String,
@@ -450,6 +451,8 @@ pub enum DataColumn {
     FaceStretch = 12,
     /// Whether each face of a chart is clockwise or flat in the plane, by its exact orientation: u32, 0 or 1.
     FaceFlipped = 13,
+    /// Wanted edge length at each vertex: f64.
+    VertexSize = 14,
 }
 impl DataColumn {
     /// String value of the enum field names used in the ProtoBuf definition.
@@ -472,6 +475,7 @@ impl DataColumn {
             Self::FaceAreaDistortion => "DATA_COLUMN_FACE_AREA_DISTORTION",
             Self::FaceStretch => "DATA_COLUMN_FACE_STRETCH",
             Self::FaceFlipped => "DATA_COLUMN_FACE_FLIPPED",
+            Self::VertexSize => "DATA_COLUMN_VERTEX_SIZE",
         }
     }
     /// Creates an enum from field names used in the ProtoBuf definition.
@@ -491,6 +495,7 @@ impl DataColumn {
             "DATA_COLUMN_FACE_AREA_DISTORTION" => Some(Self::FaceAreaDistortion),
             "DATA_COLUMN_FACE_STRETCH" => Some(Self::FaceStretch),
             "DATA_COLUMN_FACE_FLIPPED" => Some(Self::FaceFlipped),
+            "DATA_COLUMN_VERTEX_SIZE" => Some(Self::VertexSize),
             _ => None,
         }
     }
@@ -1227,10 +1232,294 @@ pub struct GradedSize {
     #[prost(double, tag = "3")]
     pub growth_rate: f64,
 }
+/// A length on a region.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct RegionSize {
+    /// Length there.
+    #[prost(double, tag = "3")]
+    pub size: f64,
+    /// Required. Which region.
+    #[prost(oneof = "region_size::Region", tags = "1, 2")]
+    pub region: ::core::option::Option<region_size::Region>,
+}
+/// Nested message and enum types in `RegionSize`.
+pub mod region_size {
+    /// Required. Which region.
+    #[derive(Clone, PartialEq, Eq, Hash, ::prost::Oneof)]
+    pub enum Region {
+        /// The one of this number.
+        #[prost(sint64, tag = "1")]
+        Id(i64),
+        /// All of this name.
+        #[prost(string, tag = "2")]
+        Name(::prost::alloc::string::String),
+    }
+}
+/// A length on a patch.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct PatchSize {
+    /// Length there.
+    #[prost(double, tag = "3")]
+    pub size: f64,
+    /// Required. Which patch.
+    #[prost(oneof = "patch_size::Patch", tags = "1, 2")]
+    pub patch: ::core::option::Option<patch_size::Patch>,
+}
+/// Nested message and enum types in `PatchSize`.
+pub mod patch_size {
+    /// Required. Which patch.
+    #[derive(Clone, PartialEq, Eq, Hash, ::prost::Oneof)]
+    pub enum Patch {
+        /// Its number in the present partition. Resolved when the change is applied (which computes the charts if they are not cached) and told
+        /// back as `identity`: the length stays with the patch whatever number it gets. Not in RemeshMesh.
+        #[prost(uint32, tag = "1")]
+        Number(u32),
+        /// Its identity, 32 hexadecimal digits. A length for a patch that the partition has at present not waits for it.
+        #[prost(string, tag = "2")]
+        Identity(::prost::alloc::string::String),
+    }
+}
+/// Small where the surface is bent: the smaller of both lengths where both are set; one is required.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct CurvatureSize {
+    /// Largest angle between the normals at the ends of an edge, in degrees, in (0, 180): 360 over the elements of a full circle.
+    #[prost(double, optional, tag = "1")]
+    pub normal_angle: ::core::option::Option<f64>,
+    /// Largest distance of elements from the surface.
+    #[prost(double, optional, tag = "2")]
+    pub deviation: ::core::option::Option<f64>,
+    /// Passes of averaging over neighbours, against noise; at most 100. Default 2.
+    #[prost(uint32, optional, tag = "3")]
+    pub smoothing: ::core::option::Option<u32>,
+}
+/// Small where another sheet of the surface faces this one, to within 60 degrees.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct ProximitySize {
+    /// Elements across a gap.
+    #[prost(double, tag = "1")]
+    pub elements_per_gap: f64,
+    /// Which gaps. Default: both.
+    #[prost(enumeration = "GapSides", tag = "2")]
+    pub sides: i32,
+    /// Widest gap that counts. Default: any.
+    #[prost(double, optional, tag = "3")]
+    pub reach: ::core::option::Option<f64>,
+}
+/// In proportion to the thickness of the body: the mean length of rays through it (shape diameter).
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct ThicknessSize {
+    /// Elements across the thickness.
+    #[prost(double, tag = "1")]
+    pub elements: f64,
+}
+/// A polyline with a radius at each point.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct Centerline {
+    /// Its points: 3 f64 each.
+    #[prost(message, optional, tag = "1")]
+    pub points: ::core::option::Option<PackedArray>,
+    /// One positive f64 for each point. May be missing where only distances count.
+    #[prost(message, optional, tag = "2")]
+    pub radii: ::core::option::Option<PackedArray>,
+}
+/// In proportion to the radius of a vessel.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct CenterlineSize {
+    /// The lines. Default: the radius is computed at each vertex, from inscribed spheres.
+    #[prost(message, repeated, tag = "1")]
+    pub lines: ::prost::alloc::vec::Vec<Centerline>,
+    /// Which measure. Default: the radius.
+    #[prost(enumeration = "CenterlineMeasure", tag = "2")]
+    pub measure: i32,
+    /// Edges around the circumference: the length is 2 pi times the measure over this.
+    #[prost(double, tag = "3")]
+    pub elements_around: f64,
+    /// Told back: how many points the lines have, which are not repeated.
+    #[prost(uint64, tag = "4")]
+    pub points: u64,
+}
+/// A box parallel to the axes.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct BoxShape {
+    /// Required. Lowest corner.
+    #[prost(message, optional, tag = "1")]
+    pub low: ::core::option::Option<Point>,
+    /// Required. Highest corner.
+    #[prost(message, optional, tag = "2")]
+    pub high: ::core::option::Option<Point>,
+}
+/// A ball.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct SphereShape {
+    /// Required. Its centre.
+    #[prost(message, optional, tag = "1")]
+    pub center: ::core::option::Option<Point>,
+    /// Its radius.
+    #[prost(double, tag = "2")]
+    pub radius: f64,
+}
+/// A cylinder with flat ends.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct CylinderShape {
+    /// Required. Middle of one end.
+    #[prost(message, optional, tag = "1")]
+    pub start: ::core::option::Option<Point>,
+    /// Required. Middle of the other.
+    #[prost(message, optional, tag = "2")]
+    pub end: ::core::option::Option<Point>,
+    /// Its radius.
+    #[prost(double, tag = "3")]
+    pub radius: f64,
+}
+/// A length inside a shape, growing with the straight distance outside of it.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct ShapeSize {
+    /// Length inside and on the boundary.
+    #[prost(double, tag = "4")]
+    pub size: f64,
+    /// Ratio of lengths of neighbouring elements outside, at least 1. Default: that of the whole; without one nothing is asked for outside.
+    #[prost(double, optional, tag = "5")]
+    pub growth_rate: ::core::option::Option<f64>,
+    /// Required. The shape.
+    #[prost(oneof = "shape_size::Shape", tags = "1, 2, 3")]
+    pub shape: ::core::option::Option<shape_size::Shape>,
+}
+/// Nested message and enum types in `ShapeSize`.
+pub mod shape_size {
+    /// Required. The shape.
+    #[derive(Clone, Copy, PartialEq, ::prost::Oneof)]
+    pub enum Shape {
+        /// A box.
+        #[prost(message, tag = "1")]
+        Box(super::BoxShape),
+        /// A ball.
+        #[prost(message, tag = "2")]
+        Sphere(super::SphereShape),
+        /// A cylinder.
+        #[prost(message, tag = "3")]
+        Cylinder(super::CylinderShape),
+    }
+}
+/// Polylines in space.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct Polylines {
+    /// Points of all, one after another: 3 f64 each.
+    #[prost(message, optional, tag = "1")]
+    pub points: ::core::option::Option<PackedArray>,
+    /// Number of points of each.
+    #[prost(uint32, repeated, tag = "2")]
+    pub counts: ::prost::alloc::vec::Vec<u32>,
+}
+/// A length near points or curves, growing with the straight distance.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct DistanceSize {
+    /// Length there.
+    #[prost(double, tag = "4")]
+    pub size: f64,
+    /// Up to this distance the length is `size`. Default 0.
+    #[prost(double, tag = "5")]
+    pub reach: f64,
+    /// Ratio of lengths of neighbouring elements beyond; as in `ShapeSize`.
+    #[prost(double, optional, tag = "6")]
+    pub growth_rate: ::core::option::Option<f64>,
+    /// Required. From what.
+    #[prost(oneof = "distance_size::From", tags = "1, 2, 3")]
+    pub from: ::core::option::Option<distance_size::From>,
+}
+/// Nested message and enum types in `DistanceSize`.
+pub mod distance_size {
+    /// Required. From what.
+    #[derive(Clone, PartialEq, Eq, Hash, ::prost::Oneof)]
+    pub enum From {
+        /// Points: 3 f64 each.
+        #[prost(message, tag = "1")]
+        Points(super::PackedArray),
+        /// Polylines.
+        #[prost(message, tag = "2")]
+        Polylines(super::Polylines),
+        /// Edges of the surface.
+        #[prost(enumeration = "super::SurfaceCurves", tag = "3")]
+        Curves(i32),
+    }
+}
+/// One field of lengths.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct SizeField {
+    /// Required. Which.
+    #[prost(oneof = "size_field::Field", tags = "1, 2, 3, 4, 5, 6, 7, 8, 9")]
+    pub field: ::core::option::Option<size_field::Field>,
+}
+/// Nested message and enum types in `SizeField`.
+pub mod size_field {
+    /// Required. Which.
+    #[derive(Clone, PartialEq, ::prost::Oneof)]
+    pub enum Field {
+        /// On a region.
+        #[prost(message, tag = "1")]
+        Region(super::RegionSize),
+        /// On a patch.
+        #[prost(message, tag = "2")]
+        Patch(super::PatchSize),
+        /// A length for each vertex of the imported mesh: one positive f64 each.
+        #[prost(message, tag = "3")]
+        PerVertex(super::PackedArray),
+        /// By curvature.
+        #[prost(message, tag = "4")]
+        Curvature(super::CurvatureSize),
+        /// By gaps between facing sheets.
+        #[prost(message, tag = "5")]
+        Proximity(super::ProximitySize),
+        /// By the thickness of the body.
+        #[prost(message, tag = "6")]
+        Thickness(super::ThicknessSize),
+        /// By the radius of vessels.
+        #[prost(message, tag = "7")]
+        Centerline(super::CenterlineSize),
+        /// Inside a shape.
+        #[prost(message, tag = "8")]
+        Shape(super::ShapeSize),
+        /// Near points or curves.
+        #[prost(message, tag = "9")]
+        Distance(super::DistanceSize),
+    }
+}
+/// The least of a base and of any number of fields, then clamped, then limited in growth.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct ComposedSize {
+    /// The fields, at most 256.
+    #[prost(message, repeated, tag = "3")]
+    pub fields: ::prost::alloc::vec::Vec<SizeField>,
+    /// Lower bound. Required with fields that can ask for nothing: proximity, thickness, centerlines.
+    #[prost(double, optional, tag = "4")]
+    pub min_size: ::core::option::Option<f64>,
+    /// Upper bound.
+    #[prost(double, optional, tag = "5")]
+    pub max_size: ::core::option::Option<f64>,
+    /// Largest ratio of lengths of neighbouring elements over the whole surface, at least 1. Default: no limit.
+    #[prost(double, optional, tag = "6")]
+    pub growth_rate: ::core::option::Option<f64>,
+    /// The length where no field asks for a smaller one. Default: `max_size`, which is then required.
+    #[prost(oneof = "composed_size::Base", tags = "1, 2")]
+    pub base: ::core::option::Option<composed_size::Base>,
+}
+/// Nested message and enum types in `ComposedSize`.
+pub mod composed_size {
+    /// The length where no field asks for a smaller one. Default: `max_size`, which is then required.
+    #[derive(Clone, Copy, PartialEq, ::prost::Oneof)]
+    pub enum Base {
+        /// This length.
+        #[prost(double, tag = "1")]
+        Uniform(f64),
+        /// The length with which the whole gives about this many triangles. If the fields alone ask for more, all are made larger by a common
+        /// factor, and the result carries a warning.
+        #[prost(uint64, tag = "2")]
+        Triangles(u64),
+    }
+}
 /// Which edge lengths are wanted.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct SizeSpec {
-    #[prost(oneof = "size_spec::Size", tags = "1, 2, 3, 4")]
+    #[prost(oneof = "size_spec::Size", tags = "1, 2, 3, 4, 5")]
     pub size: ::core::option::Option<size_spec::Size>,
 }
 /// Nested message and enum types in `SizeSpec`.
@@ -1249,14 +1538,104 @@ pub mod size_spec {
         /// Small at features and boundary, growing away from them.
         #[prost(message, tag = "4")]
         Graded(super::GradedSize),
+        /// The least of several fields.
+        #[prost(message, tag = "5")]
+        Composed(super::ComposedSize),
+    }
+}
+/// Nothing.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct NoLock {}
+/// All boundary vertices.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct BoundaryLock {}
+/// Boundary vertices that stay where they are, bit for bit. Between two neighbours that stay, the boundary edge stays too: it is neither
+/// divided nor joined with others. Elements next to such edges are as long as they are, whatever the size spec says.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct LockSpec {
+    /// Told back: how many vertices are named, which are not repeated.
+    #[prost(uint64, tag = "5")]
+    pub count: u64,
+    #[prost(oneof = "lock_spec::Lock", tags = "1, 2, 3, 4")]
+    pub lock: ::core::option::Option<lock_spec::Lock>,
+}
+/// Nested message and enum types in `LockSpec`.
+pub mod lock_spec {
+    #[derive(Clone, PartialEq, Eq, Hash, ::prost::Oneof)]
+    pub enum Lock {
+        /// None. The default.
+        #[prost(message, tag = "1")]
+        Nothing(super::NoLock),
+        /// All.
+        #[prost(message, tag = "2")]
+        Boundary(super::BoundaryLock),
+        /// Those of the boundary loops through these vertices: u32 of the imported mesh each.
+        #[prost(message, tag = "3")]
+        Loops(super::PackedArray),
+        /// These: u32 of the imported mesh each.
+        #[prost(message, tag = "4")]
+        Vertices(super::PackedArray),
+    }
+}
+/// Lengths from curvature. With both bounds the shorter length is taken; with none the angle is 20.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct CurvatureMetric {
+    /// Largest distance between the mesh and the surface, in units of the mesh.
+    #[prost(double, optional, tag = "1")]
+    pub deviation: ::core::option::Option<f64>,
+    /// Largest angle between the normals at the ends of an edge, degrees, in (0, 120\].
+    #[prost(double, optional, tag = "2")]
+    pub normal_angle: ::core::option::Option<f64>,
+}
+/// Which lengths the anisotropic mesher follows, in which directions. The sizes of the session bound them from above.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct MetricSpec {
+    /// Smallest length in any direction.
+    #[prost(double, optional, tag = "3")]
+    pub min_size: ::core::option::Option<f64>,
+    /// Largest length in any direction.
+    #[prost(double, optional, tag = "4")]
+    pub max_size: ::core::option::Option<f64>,
+    /// Largest ratio of the lengths wanted at a point in two directions, at least 1. Default 10.
+    #[prost(double, optional, tag = "5")]
+    pub max_stretch: ::core::option::Option<f64>,
+    /// Largest ratio of the lengths of neighbouring elements, at least 1; exactly 1 grades not at all. Default 1.5.
+    #[prost(double, optional, tag = "6")]
+    pub growth_rate: ::core::option::Option<f64>,
+    /// Default: from curvature.
+    #[prost(oneof = "metric_spec::Source", tags = "1, 2")]
+    pub source: ::core::option::Option<metric_spec::Source>,
+}
+/// Nested message and enum types in `MetricSpec`.
+pub mod metric_spec {
+    /// Default: from curvature.
+    #[derive(Clone, PartialEq, ::prost::Oneof)]
+    pub enum Source {
+        /// From the curvature of the input.
+        #[prost(message, tag = "1")]
+        Curvature(super::CurvatureMetric),
+        /// A tensor for each vertex of the imported mesh: six f64 (xx, xy, xz, yy, yz, zz) of a symmetric matrix M such that an edge e in the
+        /// tangent plane is sqrt(e M e) elements long.
+        #[prost(message, tag = "2")]
+        Tensors(super::PackedArray),
     }
 }
 /// How charts are meshed.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+#[derive(Clone, PartialEq, ::prost::Message)]
 pub struct MesherSpec {
     /// The mesher.
     #[prost(enumeration = "MesherKind", tag = "1")]
     pub kind: i32,
+    /// Least angle in degrees, in \[0, 33\], for the Delaunay mesher only. Default 28.
+    #[prost(double, optional, tag = "2")]
+    pub min_angle: ::core::option::Option<f64>,
+    /// What the anisotropic mesher follows; for it only.
+    #[prost(message, optional, tag = "3")]
+    pub metric: ::core::option::Option<MetricSpec>,
+    /// With MESHER_KIND_QUADS: no triangle is left (quadrangles of double size are made first, then every face is divided). Not set or false: a
+    /// few triangles may stay. An error with other meshers, and with locked boundary vertices.
+    #[prost(bool, tag = "4")]
+    pub all_quads: bool,
 }
 /// How the joined mesh is optimised across patch borders.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
@@ -1264,7 +1643,7 @@ pub struct OptimizeSpec {
     /// Rounds of split, collapse, flip and smoothing. Default 5; 0 leaves the mesh as it was joined.
     #[prost(uint32, optional, tag = "1")]
     pub rounds: ::core::option::Option<u32>,
-    /// Triangles of lower kappa are chased one by one afterwards. Default 0.5.
+    /// Triangles of lower kappa are chased one by one afterwards. Default 0.7.
     #[prost(double, optional, tag = "2")]
     pub min_kappa: ::core::option::Option<f64>,
 }
@@ -1295,6 +1674,9 @@ pub struct SessionInputs {
     /// How many edits of patches there are (see PartitionService), also those that wait for their patches.
     #[prost(uint32, tag = "8")]
     pub patch_edits: u32,
+    /// Boundary vertices that stay.
+    #[prost(message, optional, tag = "12")]
+    pub lock: ::core::option::Option<LockSpec>,
 }
 /// What a border between two regions is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
@@ -1386,6 +1768,15 @@ pub enum MesherKind {
     Unspecified = 0,
     /// Delaunay with points placed from the front.
     Frontal = 1,
+    /// Delaunay refinement with a least angle.
+    Delaunay = 2,
+    /// Local operations: split, collapse, swap, smooth.
+    MeshAdapt = 3,
+    /// Follows a metric: other lengths in other directions.
+    Anisotropic = 4,
+    /// Quadrangles: frontal triangles, then points along a field of crosses on the whole surface, a matching of least cost of the triangles,
+    /// clean-up and smoothing.
+    Quads = 5,
 }
 impl MesherKind {
     /// String value of the enum field names used in the ProtoBuf definition.
@@ -1396,6 +1787,10 @@ impl MesherKind {
         match self {
             Self::Unspecified => "MESHER_KIND_UNSPECIFIED",
             Self::Frontal => "MESHER_KIND_FRONTAL",
+            Self::Delaunay => "MESHER_KIND_DELAUNAY",
+            Self::MeshAdapt => "MESHER_KIND_MESH_ADAPT",
+            Self::Anisotropic => "MESHER_KIND_ANISOTROPIC",
+            Self::Quads => "MESHER_KIND_QUADS",
         }
     }
     /// Creates an enum from field names used in the ProtoBuf definition.
@@ -1403,6 +1798,10 @@ impl MesherKind {
         match value {
             "MESHER_KIND_UNSPECIFIED" => Some(Self::Unspecified),
             "MESHER_KIND_FRONTAL" => Some(Self::Frontal),
+            "MESHER_KIND_DELAUNAY" => Some(Self::Delaunay),
+            "MESHER_KIND_MESH_ADAPT" => Some(Self::MeshAdapt),
+            "MESHER_KIND_ANISOTROPIC" => Some(Self::Anisotropic),
+            "MESHER_KIND_QUADS" => Some(Self::Quads),
             _ => None,
         }
     }
@@ -1609,6 +2008,109 @@ impl BoundarySpacing {
             "BOUNDARY_SPACING_UNSPECIFIED" => Some(Self::Unspecified),
             "BOUNDARY_SPACING_ARC_LENGTH" => Some(Self::ArcLength),
             "BOUNDARY_SPACING_CHORD" => Some(Self::Chord),
+            _ => None,
+        }
+    }
+}
+/// On which side of the surface another sheet counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum GapSides {
+    /// Both.
+    Unspecified = 0,
+    /// Both.
+    Both = 1,
+    /// Through the body: walls.
+    Inside = 2,
+    /// Through the space around it: slots.
+    Outside = 3,
+}
+impl GapSides {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "GAP_SIDES_UNSPECIFIED",
+            Self::Both => "GAP_SIDES_BOTH",
+            Self::Inside => "GAP_SIDES_INSIDE",
+            Self::Outside => "GAP_SIDES_OUTSIDE",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "GAP_SIDES_UNSPECIFIED" => Some(Self::Unspecified),
+            "GAP_SIDES_BOTH" => Some(Self::Both),
+            "GAP_SIDES_INSIDE" => Some(Self::Inside),
+            "GAP_SIDES_OUTSIDE" => Some(Self::Outside),
+            _ => None,
+        }
+    }
+}
+/// What of a centerline gives the length.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum CenterlineMeasure {
+    /// The radius.
+    Unspecified = 0,
+    /// The radius of the vessel.
+    Radius = 1,
+    /// The distance of the wall from the line.
+    Distance = 2,
+}
+impl CenterlineMeasure {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "CENTERLINE_MEASURE_UNSPECIFIED",
+            Self::Radius => "CENTERLINE_MEASURE_RADIUS",
+            Self::Distance => "CENTERLINE_MEASURE_DISTANCE",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "CENTERLINE_MEASURE_UNSPECIFIED" => Some(Self::Unspecified),
+            "CENTERLINE_MEASURE_RADIUS" => Some(Self::Radius),
+            "CENTERLINE_MEASURE_DISTANCE" => Some(Self::Distance),
+            _ => None,
+        }
+    }
+}
+/// Edges of the surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum SurfaceCurves {
+    /// Never sent; in a request an error.
+    Unspecified = 0,
+    /// Feature edges.
+    Features = 1,
+    /// Boundary edges.
+    Boundary = 2,
+}
+impl SurfaceCurves {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "SURFACE_CURVES_UNSPECIFIED",
+            Self::Features => "SURFACE_CURVES_FEATURES",
+            Self::Boundary => "SURFACE_CURVES_BOUNDARY",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "SURFACE_CURVES_UNSPECIFIED" => Some(Self::Unspecified),
+            "SURFACE_CURVES_FEATURES" => Some(Self::Features),
+            "SURFACE_CURVES_BOUNDARY" => Some(Self::Boundary),
             _ => None,
         }
     }
@@ -3248,7 +3750,7 @@ pub struct Rollback {
 /// One change of the inputs of a session.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct Change {
-    #[prost(oneof = "change::Change", tags = "1, 2, 3, 4, 5, 6, 7")]
+    #[prost(oneof = "change::Change", tags = "1, 2, 3, 4, 5, 6, 7, 12")]
     pub change: ::core::option::Option<change::Change>,
 }
 /// Nested message and enum types in `Change`.
@@ -3276,6 +3778,9 @@ pub mod change {
         /// Back to an earlier revision.
         #[prost(message, tag = "7")]
         Rollback(super::Rollback),
+        /// Which boundary vertices stay.
+        #[prost(message, tag = "12")]
+        Lock(super::LockSpec),
     }
 }
 /// Request of ApplyChange.
@@ -4562,12 +5067,15 @@ pub struct ExportHeader {
     /// Vertices written.
     #[prost(uint64, tag = "3")]
     pub vertices: u64,
-    /// Faces written.
+    /// Faces written; a quadrangle counts as two.
     #[prost(uint64, tag = "4")]
     pub faces: u64,
     /// What ran.
     #[prost(message, optional, tag = "5")]
     pub summary: ::core::option::Option<RunSummary>,
+    /// Quadrangles among them (see MeshDataHeader); STL and glTF files hold their halves.
+    #[prost(uint64, tag = "6")]
+    pub quads: u64,
 }
 /// Response of ExportMesh: the header first, then the file.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -4602,7 +5110,8 @@ pub struct ReadMeshDataRequest {
     /// Which mesh. Default: the result.
     #[prost(enumeration = "MeshSource", tag = "3")]
     pub source: i32,
-    /// The columns wanted, among POSITIONS, TRIANGLES, FACE_PATCH, FACE_REGION, FACE_KAPPA and FEATURE_EDGES.
+    /// The columns wanted, among POSITIONS, TRIANGLES, FACE_PATCH, FACE_REGION, FACE_KAPPA, FEATURE_EDGES and VERTEX_SIZE (which needs a
+    /// size to be set).
     /// Empty: POSITIONS and TRIANGLES. FACE_PATCH and FEATURE_EDGES of the input compute the partition and the features if needed.
     #[prost(enumeration = "DataColumn", repeated, tag = "4")]
     pub columns: ::prost::alloc::vec::Vec<i32>,
@@ -4628,6 +5137,10 @@ pub struct MeshDataHeader {
     /// What ran.
     #[prost(message, optional, tag = "6")]
     pub summary: ::core::option::Option<RunSummary>,
+    /// Quadrangles: for q below this number faces 2 q = (a, b, c) and 2 q + 1 = (a, c, d) are the halves of quadrangle (a, b, c, d); the other
+    /// faces are triangles.
+    #[prost(uint64, tag = "7")]
+    pub quads: u64,
 }
 /// Response of ReadMeshData: the header first, then the columns in the order asked for.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -6689,6 +7202,34 @@ pub struct ShapeQuality {
     #[prost(double, optional, tag = "13")]
     pub edge_ratio_ok: ::core::option::Option<f64>,
 }
+/// Shape and size of quadrangles.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct QuadQuality {
+    /// Quadrangles.
+    #[prost(uint64, tag = "1")]
+    pub quads: u64,
+    /// Triangles beside them.
+    #[prost(uint64, tag = "2")]
+    pub triangles: u64,
+    /// Smallest eta = max(1 - 2/pi max |pi/2 - angle|, 0); 1 is a rectangle.
+    #[prost(double, tag = "3")]
+    pub eta_min: f64,
+    /// Mean eta.
+    #[prost(double, tag = "4")]
+    pub eta_mean: f64,
+    /// First percentile of eta.
+    #[prost(double, tag = "5")]
+    pub eta_p01: f64,
+    /// Counts of eta in 20 equal bins of \[0, 1\].
+    #[prost(uint64, repeated, tag = "6")]
+    pub eta_histogram: ::prost::alloc::vec::Vec<u64>,
+    /// Efficiency index in percent over the edges of quadrangles and triangles.
+    #[prost(double, optional, tag = "7")]
+    pub tau: ::core::option::Option<f64>,
+    /// Share of these edges whose length over size is in \[1/sqrt 2, sqrt 2\].
+    #[prost(double, optional, tag = "8")]
+    pub edge_ratio_ok: ::core::option::Option<f64>,
+}
 /// Distances between output and input.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
 pub struct Fidelity {
@@ -6801,6 +7342,9 @@ pub struct QualityReport {
     /// Elements at seams apart from the others; only for results of a session or of RemeshMesh.
     #[prost(message, optional, tag = "10")]
     pub seams: ::core::option::Option<SeamQuality>,
+    /// The quadrangles; only if the result has any. `shape` is then of their halves, beside the triangles.
+    #[prost(message, optional, tag = "11")]
+    pub quads: ::core::option::Option<QuadQuality>,
 }
 /// Request of GetQuality.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
@@ -7339,6 +7883,9 @@ pub struct RemeshResult {
     /// What a user should know of the result: faces that still intersect, far more or fewer triangles than asked for.
     #[prost(string, repeated, tag = "5")]
     pub warnings: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
+    /// The quadrangles; only if the result has any.
+    #[prost(message, optional, tag = "6")]
+    pub quads: ::core::option::Option<QuadQuality>,
 }
 /// Response of RemeshSurface: progress, then the result.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -7424,6 +7971,9 @@ pub struct RemeshMeshRequest {
     /// What to measure. Default: everything.
     #[prost(enumeration = "QualityScope", tag = "13")]
     pub quality: i32,
+    /// Which boundary vertices stay.
+    #[prost(message, optional, tag = "16")]
+    pub lock: ::core::option::Option<LockSpec>,
     /// The surface. Required.
     #[prost(oneof = "remesh_mesh_request::Source", tags = "1, 2, 3")]
     pub source: ::core::option::Option<remesh_mesh_request::Source>,

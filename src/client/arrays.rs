@@ -17,11 +17,13 @@ pub struct MeshColumns {
     pub kappa: bool,
     /// Feature edges.
     pub features: bool,
+    /// Wanted edge length at each vertex; needs a size to be set.
+    pub size: bool,
 }
 
 impl MeshColumns {
-    /// Every column.
-    pub const ALL: MeshColumns = MeshColumns { patch: true, region: true, kappa: true, features: true };
+    /// Every column that needs no size to be set.
+    pub const ALL: MeshColumns = MeshColumns { patch: true, region: true, kappa: true, features: true, size: false };
 
     fn wanted(self) -> Vec<i32> {
         let optional = [
@@ -29,6 +31,7 @@ impl MeshColumns {
             (self.region, DataColumn::FaceRegion),
             (self.kappa, DataColumn::FaceKappa),
             (self.features, DataColumn::FeatureEdges),
+            (self.size, DataColumn::VertexSize),
         ];
         let always = [DataColumn::Positions, DataColumn::Triangles];
         always.into_iter().chain(optional.into_iter().filter(|(on, _)| *on).map(|(_, column)| column)).map(i32::from).collect()
@@ -52,6 +55,10 @@ pub struct MeshData {
     pub kappa: Vec<f64>,
     /// Feature edges (for the result also boundary edges), two vertices each.
     pub features: Vec<[u32; 2]>,
+    /// Wanted edge length at each vertex.
+    pub size: Vec<f64>,
+    /// Number of quadrangles: for `q` below it `triangles[2 q]` = (a, b, c) and `triangles[2 q + 1]` = (a, c, d) are its halves.
+    pub quads: u64,
     /// The regions.
     pub regions: Vec<v1::Region>,
     /// Unit of the positions.
@@ -172,6 +179,9 @@ impl Client {
 fn mesh_of(revision: u64, header: v1::MeshDataHeader, columns: MeshColumns, mut data: Columns) -> Result<MeshData> {
     let (vertices, faces) = (header.vertices, header.faces);
     let count = |on: bool| if on { faces } else { 0 };
+    if header.quads > faces / 2 {
+        return Err(ClientError::protocol("there are not two faces for each quadrangle"));
+    }
     let mesh = MeshData {
         revision,
         unit: header.unit(),
@@ -181,6 +191,8 @@ fn mesh_of(revision: u64, header: v1::MeshDataHeader, columns: MeshColumns, mut 
         region: data.take_flat(DataColumn::FaceRegion, count(columns.region))?,
         kappa: data.take_flat(DataColumn::FaceKappa, count(columns.kappa))?,
         features: data.take(DataColumn::FeatureEdges, header.feature_edges)?,
+        size: data.take_flat(DataColumn::VertexSize, if columns.size { vertices } else { 0 })?,
+        quads: header.quads,
         regions: header.regions,
     };
     check_indices(mesh.triangles.iter().flatten(), mesh.positions.len(), "a triangle names vertex")?;

@@ -1,6 +1,6 @@
 //! Joining the lifted patches into one conforming mesh along the shared curve meshes.
 
-use crate::curve::{CurveKind, CurveMesh, CurveNetwork};
+use crate::curve::{Curve, CurveKind, CurveMesh, CurveNetwork, CurvePoint};
 use crate::error::{EngineError, Result};
 use crate::fingerprint::{Contents, Feeder};
 use crate::mesh::SurfaceMesh;
@@ -16,10 +16,19 @@ mod unfold;
 pub enum VertexClass {
     /// Never moved or removed: ends and junctions of features and boundary, sharp corners.
     Corner,
+    /// As a corner; and boundary edges between two such vertices are never split.
+    Locked,
     /// May slide along its feature or boundary curve.
     Curve,
     /// May move on the surface (also vertices of seams).
     Free,
+}
+
+impl VertexClass {
+    /// Whether the vertex is never moved or removed.
+    pub fn stays(self) -> bool {
+        matches!(self, VertexClass::Corner | VertexClass::Locked)
+    }
 }
 
 /// A conforming mesh of the whole surface, before optimisation.
@@ -61,6 +70,7 @@ impl Contents for Assembled {
 /// Joins lifted patches: vertices with the same curve point become one. O(output).
 /// `topology` is that of the surface the curves were traced on, which may have been cut along them; `mesh` is the imported one, whose
 /// faces the maps of the patches name.
+/// `locked` tells of each vertex of the surface whether it stays (empty if none does).
 /// `corners` are the corners of the features; ends of feature and boundary curves that are junctions are corners too.
 ///
 /// At sizes far above the width of a patch two patches may join the same two curve points by an edge across their inside, or have
@@ -72,11 +82,12 @@ pub fn assemble(
     mesh: &SurfaceMesh,
     topology: &Topology,
     corners: &[u32],
+    locked: &[bool],
     network: &CurveNetwork,
     curve_meshes: &[std::sync::Arc<CurveMesh>],
     patches: &[(std::sync::Arc<LiftedPatch>, &PatchMap)],
 ) -> Result<Assembled> {
-    let joint = CurveVertices::new(topology, corners, network, curve_meshes)?;
+    let joint = CurveVertices::new(topology, corners, locked, network, curve_meshes)?;
     let mut out = Assembled {
         vertex_face: vec![NONE; joint.positions.len()],
         curve_vertices: joint.positions.len() as u32,
@@ -110,6 +121,7 @@ impl CurveVertices {
     fn new(
         topology: &Topology,
         corners: &[u32],
+        locked: &[bool],
         network: &CurveNetwork,
         curve_meshes: &[std::sync::Arc<CurveMesh>],
     ) -> Result<CurveVertices> {
@@ -139,11 +151,24 @@ impl CurveVertices {
                 }
                 numbers.push(number);
                 out.positions.push(point.position);
-                out.classes.push(end.map_or(inner, |v| class_of_end[v as usize]));
+                let at = if curve.kind == CurveKind::Boundary { vertex_at(topology, curve, point) } else { end };
+                let stays = at.or(end).is_some_and(|v| locked.get(v as usize).copied().unwrap_or(false));
+                let class = end.map_or(inner, |v| class_of_end[v as usize]);
+                out.classes.push(if stays { VertexClass::Locked } else { class });
             }
             out.numbers.push(numbers);
         }
         Ok(out)
+    }
+}
+
+/// The vertex of the surface that a point of a curve is on, if it is on one.
+fn vertex_at(topology: &Topology, curve: &Curve, point: &CurvePoint) -> Option<u32> {
+    let h = *curve.halfedges.get(point.segment as usize)?;
+    match point.t {
+        0.0 => Some(topology.origin(h)),
+        1.0 => Some(topology.target(h)),
+        _ => None,
     }
 }
 

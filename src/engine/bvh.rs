@@ -1,5 +1,9 @@
 //! Bounding volume tree over triangles: closest point, box overlap and self-join queries.
 
+mod ray;
+
+pub use ray::RayHit;
+
 use crate::vector::{Vec3, add_scaled, area_vector_twice, cross, dot, scale, sub};
 
 /// Triangles per leaf, at most.

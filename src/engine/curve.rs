@@ -11,9 +11,13 @@ use crate::topology::Topology;
 use crate::vector::Vec3;
 use crate::work::Work;
 
+mod directed;
 mod discretize;
 mod faithful;
+mod locked;
 mod trace;
+
+pub use directed::curve_polyline_in_metric;
 
 /// Why an edge of the surface is part of a curve; the first that applies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -61,11 +65,14 @@ pub struct CurvePolyline {
     pub kind: CurveKind,
     /// Least number of edges (see [`Curve::min_edges`]).
     pub min_edges: u32,
+    /// Whether each point is locked: then it is a point of the mesh, and a segment between two such points is one edge. Empty for none.
+    pub locked: Vec<bool>,
 }
 
 impl Contents for CurvePolyline {
     fn feed(&self, into: &mut Feeder) {
         into.points(&self.points).f64s(&self.sizes).u64(u64::from(self.closed)).u64(self.kind as u64).u64(u64::from(self.min_edges));
+        into.raw(&self.locked.iter().map(|&l| u8::from(l)).collect::<Vec<u8>>());
     }
 
     fn bytes(&self) -> usize {
@@ -118,8 +125,9 @@ pub fn curve_vertices(topology: &Topology, curve: &Curve) -> Vec<u32> {
     vertices
 }
 
-/// The polyline of a curve with the wanted sizes at its vertices.
-pub fn curve_polyline(mesh: &SurfaceMesh, topology: &Topology, curve: &Curve, vertex_size: &[f64]) -> CurvePolyline {
+/// The polyline of a curve with the wanted sizes at its vertices; `locked` tells of each vertex of the surface whether it stays, and is
+/// empty if none does.
+pub fn curve_polyline(mesh: &SurfaceMesh, topology: &Topology, curve: &Curve, vertex_size: &[f64], locked: &[bool]) -> CurvePolyline {
     let vertices = curve_vertices(topology, curve);
     CurvePolyline {
         points: vertices.iter().map(|&v| mesh.positions[v as usize]).collect(),
@@ -127,19 +135,26 @@ pub fn curve_polyline(mesh: &SurfaceMesh, topology: &Topology, curve: &Curve, ve
         closed: curve.closed,
         kind: curve.kind,
         min_edges: curve.min_edges,
+        locked: locked_points(curve, &vertices, locked),
     }
+}
+
+/// Only points of boundary curves are ever locked.
+fn locked_points(curve: &Curve, vertices: &[u32], locked: &[bool]) -> Vec<bool> {
+    let points: Vec<bool> = vertices.iter().map(|&v| locked.get(v as usize).copied().unwrap_or(false)).collect();
+    if curve.kind == CurveKind::Boundary && points.contains(&true) { points } else { Vec::new() }
 }
 
 /// Divides a curve into N = round(integral of ds / size) edges of equal length in the size field (P2 section 4, step 4), but into
 /// no fewer than its `min_edges` (3 for a closed curve). Seams follow input edges in a zigzag; their length is measured on a copy
 /// smoothed at the scale of the size, their points still lie on the input edges. Boundary and feature curves whose corners equal edges
-/// would cut by more than 0.09 sizes get unequal edges that mostly do not.
+/// would cut by more than 0.09 sizes get unequal edges that mostly do not. Locked points divide a curve into pieces that are meshed apart.
 ///
 /// # Errors
 /// [`Reason::BadParameter`](crate::error::Reason::BadParameter) for sizes that are not positive;
 /// [`Reason::LimitReached`](crate::error::Reason::LimitReached) for more than 50 million points.
 pub fn mesh_curve(polyline: &CurvePolyline, work: &Work<'_>) -> Result<CurveMesh> {
-    discretize::discretize(polyline, work)
+    if polyline.locked.contains(&true) { locked::discretize(polyline, work) } else { discretize::discretize(polyline, work) }
 }
 
 /// A curve as a patch sees it.

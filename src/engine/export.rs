@@ -37,6 +37,8 @@ pub struct FaceData<'a> {
     pub patch: Option<&'a [u32]>,
     /// Kappa of each face.
     pub kappa: Option<&'a [f64]>,
+    /// For `q` below it faces `2 q` = (a, b, c) and `2 q + 1` = (a, c, d) are the halves of quadrangle (a, b, c, d).
+    pub quads: u32,
 }
 
 /// A written file.
@@ -61,6 +63,9 @@ pub struct Exported {
 /// | glTF | GLB (default, binary), JSON (ascii) | names, as materials | none |
 /// | VTU | ascii, binary (base64) | number and name | patch, kappa |
 ///
+/// Quadrangles are written as such in OBJ, PLY, OFF, MSH and VTU, before the triangles, with `shape` (eta, of triangles kappa) in place of
+/// `kappa`; STL and glTF get their halves.
+///
 /// In formats that have names only, a region without a name is called `region_<number>`; [`crate::import`] reads that back.
 /// VTU has for each region a field `region NAME` with its number, beside the cell arrays `region_id`, `patch_id` and `kappa`.
 /// STL ascii, MSH 4.1 and glTF list faces by region, so their order changes; the others keep it. Vertices keep their order
@@ -74,15 +79,19 @@ pub fn export_mesh(mesh: &SurfaceMesh, data: FaceData<'_>, format: Format, encod
     if data.patch.is_some_and(|p| p.len() != faces) || data.kappa.is_some_and(|k| k.len() != faces) {
         return Err(EngineError::bad_parameter("data", format!("should have one entry for each of the {faces} faces")));
     }
+    let is_pair = |pair: &[[u32; 3]]| matches!(pair, [[a, _, c], [x, y, _]] if a == x && c == y);
+    if data.quads as usize > faces / 2 || !mesh.triangles.chunks(2).take(data.quads as usize).all(is_pair) {
+        return Err(EngineError::bad_parameter("data.quads", "the first faces are not in pairs the halves of quadrangles"));
+    }
     let mut out = Exported { bytes: Vec::new(), warnings: told_losses(mesh, data, format) };
     match (format, encoding) {
         (Format::Stl, Encoding::Default) if stl::is_better_as_text(mesh) => stl::write_ascii(mesh, &mut out),
         (Format::Stl, Encoding::Ascii) => stl::write_ascii(mesh, &mut out),
         (Format::Stl, Encoding::Default | Encoding::Binary) => stl::write_binary(mesh, &mut out)?,
-        (Format::Obj, Encoding::Default | Encoding::Ascii) => obj::write(mesh, &mut out),
+        (Format::Obj, Encoding::Default | Encoding::Ascii) => obj::write(mesh, data.quads, &mut out),
         (Format::Ply, Encoding::Default | Encoding::Binary) => ply::write(mesh, data, ply::Style::Binary, &mut out),
         (Format::Ply, Encoding::Ascii) => ply::write(mesh, data, ply::Style::Ascii, &mut out),
-        (Format::Off, Encoding::Default | Encoding::Ascii) => off::write(mesh, &mut out),
+        (Format::Off, Encoding::Default | Encoding::Ascii) => off::write(mesh, data.quads, &mut out),
         (Format::Msh, Encoding::Default | Encoding::Ascii) => msh::write41(mesh, data, msh::Style::Ascii, &mut out),
         (Format::Msh, Encoding::Binary) => msh::write41(mesh, data, msh::Style::Binary, &mut out),
         (Format::Msh, Encoding::Msh22) => msh::write22(mesh, data, &mut out),

@@ -6,6 +6,7 @@
 
 pub mod error;
 pub mod fingerprint;
+pub mod matching;
 pub mod parallel;
 mod sparse;
 pub mod vector;
@@ -24,15 +25,20 @@ pub mod topology;
 pub mod curve;
 pub mod cut;
 pub mod features;
+pub mod lock;
 pub mod partition;
 pub mod patch;
 
+pub mod curvature;
+
+pub mod metric;
 pub mod parametrize;
 pub mod planar;
 pub mod sizing;
 
 pub mod assemble;
 pub mod optimize;
+pub mod quads;
 pub mod quality;
 pub mod regions;
 

@@ -2,9 +2,10 @@
 //! tangential smoothing with projection to the input.
 
 mod activity;
+mod anisotropic;
 mod capture;
 mod chase;
-mod input;
+pub(crate) mod input;
 mod interior;
 mod kernel;
 mod rescue;
@@ -12,6 +13,8 @@ mod rounds;
 mod sag;
 mod state;
 mod untangle;
+
+pub use anisotropic::optimize_in_metric;
 
 use crate::assemble::Assembled;
 use crate::bvh::TriangleBvh;
@@ -56,6 +59,8 @@ pub struct Remeshed {
     pub curve_edges: Vec<[u32; 2]>,
     /// Faces that still intersect others after repair; `None` if that was not checked (no rounds).
     pub crossing_faces: Option<u32>,
+    /// Number of quadrangles: for `q` below it faces `2 q` = (a, b, c) and `2 q + 1` = (a, c, d) are the halves of quadrangle (a, b, c, d).
+    pub quads: u32,
     /// Regions of the input (indices, increasing) without a face in the result; filled in after the optimisation.
     pub lost_regions: Vec<u32>,
 }
@@ -63,7 +68,7 @@ pub struct Remeshed {
 impl Contents for Remeshed {
     fn feed(&self, into: &mut Feeder) {
         self.mesh.feed(into);
-        into.u32s(&self.face_patch).tuples(&self.curve_edges);
+        into.u32s(&self.face_patch).tuples(&self.curve_edges).u64(u64::from(self.quads));
     }
 
     fn bytes(&self) -> usize {
@@ -167,9 +172,7 @@ pub fn optimize_patch(
         return Ok(lifted.clone());
     }
     let input = SurfaceMesh::from_parts(patch.positions.clone(), patch.triangles.clone());
-    let first = vertex_size.first().copied();
-    let uniform = first.filter(|f| vertex_size.iter().all(|s| s == f));
-    let sizes = SizeField { vertex_size: vertex_size.to_vec(), uniform };
+    let sizes = SizeField::new(vertex_size.to_vec());
     let mesh = interior::as_assembled(lifted);
     check(&input, &mesh, &sizes)?;
     let all = |mesh: &Kernel| Activity::new(mesh.vertex_slots() as usize);

@@ -17,13 +17,14 @@ use crate::error::{EngineError, Reason, Result};
 use crate::features::Features;
 use crate::import::{ImportOptions, Imported};
 use crate::mesh::SurfaceMesh;
+use crate::metric::SurfaceMetric;
 use crate::optimize::Remeshed;
 use crate::parametrize::{Chart, ChartAttempt, ChartOutcome, ChartSpec, Distortion};
 use crate::partition::{EditState, Ground, Partition, PatchEdit, PatchRequest, PatchSummary, box_aspect_ratios, edit_partition, name_edit};
 use crate::planar::LiftedPatch;
 use crate::quality::{QualityReport, QualityScope};
 use crate::session::{MeshSource, Snapshot};
-use crate::sizing::{SizeField, SizeSpec};
+use crate::sizing::{SizeBase, SizeField, SizeSpec};
 use crate::stage::{StageRecord, Stored};
 use crate::topology::Topology;
 use crate::vector::Vec2;
@@ -225,6 +226,8 @@ pub struct Remesh {
     pub charts: Charts,
     /// Wanted sizes.
     pub sizes: Stored<SizeField>,
+    /// The metric, if the mesher follows one.
+    pub metric: Option<Stored<SurfaceMetric>>,
     /// The mesh before the optimisation.
     pub assembled: Stored<Assembled>,
     /// The finished mesh.
@@ -252,7 +255,19 @@ impl Remesh {
         if let Some(count) = self.result.crossing_faces.filter(|&count| count > 0) {
             warnings.push(format!("{count} faces of the result intersect others; a smaller size follows narrow places more closely"));
         }
-        if let Some(SizeSpec::TriangleCount { triangles }) = snapshot.size {
+        let asked = match &snapshot.size {
+            Some(SizeSpec::TriangleCount { triangles }) => Some(*triangles),
+            Some(SizeSpec::Composed(composed)) => match composed.base {
+                SizeBase::Triangles(triangles) => Some(triangles),
+                SizeBase::Uniform(_) | SizeBase::MaxSize => None,
+            },
+            _ => None,
+        };
+        if self.sizes.fields_scaled_by > 1.0 {
+            let factor = self.sizes.fields_scaled_by;
+            warnings.push(format!("the size fields ask for more triangles than that: they were made larger by {factor:.3}"));
+        }
+        if let Some(triangles) = asked {
             let made = self.result.mesh.triangles.len() as u64;
             if made * 2 > triangles * 3 || made * 3 < triangles * 2 {
                 warnings.push(format!(
@@ -387,6 +402,28 @@ pub fn plan_preview(engine: &Engine, snapshot: &Snapshot, patch: u32, spec: &Cha
     })
 }
 
+/// The wanted edge length at each vertex of the input, with the charts that patches are named by.
+///
+/// # Errors
+/// Those of [`charts`] and of [`crate::sizing::evaluate_size`]; [`Reason::BadParameter`] if no size is set.
+pub fn sizes(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Answer<Stored<SizeField>>> {
+    Context::execute(engine, run, |context| {
+        let charts = graph::charts_step(context, snapshot)?;
+        graph::size_step(context, snapshot, &charts)
+    })
+}
+
+/// The wanted edge length at each vertex of the result, linear on the input face below it. As dear as [`remesh`], and O(T log F).
+///
+/// # Errors
+/// Those of [`remesh`].
+pub fn sizes_of_result(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Answer<Vec<f64>>> {
+    Context::execute(engine, run, |context| {
+        let remesh = graph::remesh_step(context, snapshot)?;
+        graph::result_sizes(context, &remesh)
+    })
+}
+
 /// Remeshes the listed patches only, up to their lifted meshes (neighbours stay conforming: curves are shared).
 ///
 /// # Errors
@@ -404,8 +441,10 @@ pub fn remesh_patches(
             let message = format!("there is no patch {unknown}; the surface has {count}");
             return Err(EngineError::new(Reason::PatchNotFound, message).into());
         }
-        let sizes = graph::size_step(context, snapshot, &charts)?;
-        let meshes = graph::lifted_step(context, snapshot, &charts, &sizes, patches)?;
+        let sizes = graph::triangle_sizes(snapshot, &graph::size_step(context, snapshot, &charts)?)?;
+        let metric = graph::metric_step(context, snapshot, &charts, &sizes)?;
+        let lengths = graph::Wanted::new(&sizes, metric.as_deref());
+        let meshes = graph::lifted_step(context, snapshot, &charts, lengths, patches)?;
         Ok((charts, meshes.lifted))
     })
 }

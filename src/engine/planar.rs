@@ -2,16 +2,19 @@
 //! planar mesh to the input surface.
 
 use crate::curve::CurveMesh;
-use crate::error::Result;
+use crate::error::{EngineError, Result};
 use crate::fingerprint::{Contents, Feeder};
 use crate::parametrize::Chart;
 use crate::patch::Patch;
 use crate::topology::Topology;
 use crate::vector::{Vec2, Vec3, triangle_area};
 use crate::work::Work;
+use frontal::Filled;
 use std::collections::BTreeMap;
 
+mod adapt;
 mod boundary;
+mod delaunay;
 mod flexible;
 mod frontal;
 mod locate;
@@ -112,15 +115,69 @@ impl Contents for LiftedPatch {
 }
 
 /// Planar mesher options.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Mesher {
     /// Delaunay with points placed from the front (Rebay 1993), the default.
     #[default]
     Frontal,
+    /// Delaunay refinement (Ruppert, Chew): circumcentres of triangles too large or too sharp.
+    Delaunay {
+        /// Least angle on the surface, in degrees, from 0 to [`MAX_MIN_ANGLE_DEG`]; held but where curves leave no choice.
+        min_angle_deg: f64,
+    },
+    /// Local operations under the metric: split, collapse, swap, smooth.
+    MeshAdapt,
+    /// Follows a metric that asks for different lengths in different directions (see [`crate::metric`]).
+    Anisotropic,
+    /// Frontal triangles, of which quadrangles are made on the whole surface (see [`crate::quads`]).
+    Quads(QuadKind),
+}
+
+/// What becomes of triangles that find no partner.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum QuadKind {
+    /// They stay: the result has quadrangles and a few triangles.
+    #[default]
+    Mixed,
+    /// None is left: quadrangles of double size are made first, then all faces are divided.
+    All,
+}
+
+/// Largest least angle that Delaunay refinement can be asked for, in degrees: beyond it need not end.
+pub const MAX_MIN_ANGLE_DEG: f64 = 33.0;
+/// Least angle of [`Mesher::Delaunay`] where none is named, in degrees.
+pub const DEFAULT_MIN_ANGLE_DEG: f64 = 28.0;
+
+impl Mesher {
+    /// The kind of quadrangles it makes, if it does.
+    pub fn quads(self) -> Option<QuadKind> {
+        match self {
+            Mesher::Quads(kind) => Some(kind),
+            _ => None,
+        }
+    }
+
+    /// The mesher that meshes the charts: quadrangles are made of frontal triangles, and share them.
+    pub fn of_charts(self) -> Mesher {
+        if self.quads().is_some() { Mesher::Frontal } else { self }
+    }
+
+    /// # Errors
+    /// [`Reason::BadParameter`](crate::error::Reason::BadParameter) for a least angle out of range.
+    pub fn validate(&self) -> Result<()> {
+        match *self {
+            Mesher::Delaunay { min_angle_deg } if !(0.0..=MAX_MIN_ANGLE_DEG).contains(&min_angle_deg) => {
+                Err(EngineError::bad_parameter("mesher.min_angle", format!("{min_angle_deg} is not in [0, {MAX_MIN_ANGLE_DEG}]")))
+            }
+            _ => Ok(()),
+        }
+    }
 }
 
 /// Rounds of smoothing in the plane after the front has closed.
 const SMOOTHING_ROUNDS: usize = 3;
+/// The same after refinement, which leaves less even triangles.
+const DELAUNAY_SMOOTHING_ROUNDS: usize = 6;
 
 /// A patch mesh of more than this many times the vertices that the area of the patch asks for is not one of the chart.
 const VERTICES_OVER_WANTED: f64 = 4.0;
@@ -158,12 +215,41 @@ pub fn mesh_chart(
     mesher: Mesher,
     work: &Work<'_>,
 ) -> Result<PlanarMesh> {
-    let Mesher::Frontal = mesher;
+    mesh_chart_in(patch, chart, curves, &Lengths { vertex_size, tensors: None }, mesher, work)
+}
+
+/// Which lengths are wanted on a patch.
+#[derive(Debug, Clone, Copy)]
+pub struct Lengths<'a> {
+    /// Wanted length in space at each patch vertex; with tensors the smallest of all directions.
+    pub vertex_size: &'a [f64],
+    /// Tensors at the corners of each face (`xx xy xz yy yz zz`), in the plane of the face, whose quadratic form is the squared length in
+    /// elements; `None` where all directions are alike.
+    pub tensors: Option<&'a [[[f64; 6]; 3]]>,
+}
+
+/// The same under a metric with directions of its own.
+///
+/// # Errors
+/// Those of [`mesh_chart`]; [`Reason::Invariant`](crate::error::Reason::Invariant) for arrays that do not fit the patch.
+pub fn mesh_chart_in(
+    patch: &Patch,
+    chart: &Chart,
+    curves: &[CurveUse<'_>],
+    lengths: &Lengths<'_>,
+    mesher: Mesher,
+    work: &Work<'_>,
+) -> Result<PlanarMesh> {
+    let vertex_size = lengths.vertex_size;
+    if vertex_size.len() != patch.positions.len() || lengths.tensors.is_some_and(|t| t.len() != patch.triangles.len()) {
+        return Err(EngineError::invariant("the lengths are not of this patch"));
+    }
+    mesher.validate()?;
     work.check()?;
     let topology = Topology::build(&patch.triangles, patch.positions.len())?;
     let mut outline = boundary::Outline::new(patch, &chart.uv, &topology, curves)?;
     let locator = locate::Locator::new(patch, &chart.uv, &topology);
-    let field = metric::MetricField::new(patch, &chart.uv, vertex_size);
+    let field = metric::MetricField::new(patch, &chart.uv, vertex_size, lengths.tensors);
     let most = most_vertices(patch, vertex_size, curves);
     let domain = frontal::Domain { locator: &locator, field: &field, most };
     let (mesh, points) = loop {
@@ -174,8 +260,7 @@ pub fn mesh_chart(
         let first_free = mesh.uv.len();
         let mut points = outline.points.clone();
         mesh.flip_all();
-        if frontal::fill(&domain, &mut mesh, &mut points, work)? == frontal::Filled::Whole {
-            smooth::smooth(&domain, &mut mesh, &mut points, first_free, SMOOTHING_ROUNDS, work)?;
+        if fill(mesher, &domain, &mut mesh, &mut points, first_free, work)? == Filled::Whole {
             break (mesh, points);
         }
         // Chords of the curves leave the chart, where squeezed faces beside it stand for the metric: follow the curves more closely.
@@ -190,6 +275,37 @@ pub fn mesh_chart(
         return reduce::without_extra(patch, planar, &outline, curves, &locator, work);
     }
     Ok(planar)
+}
+
+/// Fills the triangulated outline by one of the meshers. Vertices before `first_free` lie on curves. All stop at the same bound.
+fn fill(
+    mesher: Mesher,
+    domain: &frontal::Domain<'_>,
+    mesh: &mut triangulation::Triangulation,
+    points: &mut Vec<SurfacePoint>,
+    first_free: usize,
+    work: &Work<'_>,
+) -> Result<Filled> {
+    if matches!(mesher, Mesher::Frontal | Mesher::Quads(_) | Mesher::Anisotropic)
+        && frontal::fill(domain, mesh, points, work)? == Filled::TooMany
+    {
+        return Ok(Filled::TooMany);
+    }
+    match mesher {
+        Mesher::Frontal | Mesher::Quads(_) => {
+            smooth::smooth(domain, mesh, points, first_free, smooth::Smoothing::plain(SMOOTHING_ROUNDS), work)?;
+        }
+        Mesher::Delaunay { min_angle_deg } => {
+            delaunay::refine(domain, mesh, points, min_angle_deg, delaunay::Goal::SizeAndAngle, work)?;
+            let how =
+                smooth::Smoothing { rounds: DELAUNAY_SMOOTHING_ROUNDS, aim: smooth::Aim::Mean, guard: smooth::Guard::Angle(min_angle_deg) };
+            smooth::smooth(domain, mesh, points, first_free, how, work)?;
+            delaunay::refine(domain, mesh, points, min_angle_deg, delaunay::Goal::Angle, work)?;
+        }
+        Mesher::MeshAdapt => adapt::adapt(domain, mesh, points, first_free, smooth::Aim::Mean, work)?,
+        Mesher::Anisotropic => adapt::adapt(domain, mesh, points, first_free, smooth::Aim::UnitEdges, work)?,
+    }
+    Ok(if mesh.uv.len() > domain.most { Filled::TooMany } else { Filled::Whole })
 }
 
 /// Point in space of a point on a face of a patch.

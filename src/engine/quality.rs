@@ -3,8 +3,11 @@
 mod distance;
 mod edges;
 pub mod intersect;
+mod quads;
 pub mod seams;
 mod shape;
+
+pub use quads::{QuadQuality, eta_of_pair};
 
 use crate::bvh::TriangleBvh;
 use crate::diagnose::topology_numbers;
@@ -20,6 +23,8 @@ pub enum TargetSize {
     Uniform(f64),
     /// A length at each vertex of the output.
     PerVertex(Vec<f64>),
+    /// A tensor at each vertex of the output (`xx xy xz yy yz zz`), whose quadratic form is the squared length in elements.
+    Metric(Vec<[f64; 6]>),
 }
 
 /// Shape and size of the elements.
@@ -110,10 +115,27 @@ pub struct QualityReport {
     pub self_intersections: Option<u64>,
     /// Some of those pairs, at most [`crate::error::MAX_LOCATIONS`].
     pub intersecting_pairs: Vec<[u32; 2]>,
+    /// The quadrangles, if the output has any.
+    pub quads: Option<QuadQuality>,
     /// The worst faces by kappa, worst first, at most 20.
     pub worst_faces: Vec<u32>,
     /// Elements at seams between patches apart from the others; `None` where no patches are known (two files are compared).
     pub seams: Option<seams::SeamQuality>,
+}
+
+/// A mesh to measure.
+#[derive(Debug, Clone, Copy)]
+pub struct MeasuredMesh<'a> {
+    /// The mesh.
+    pub mesh: &'a SurfaceMesh,
+    /// How many pairs of its first faces are halves of quadrangles (see [`crate::optimize::Remeshed::quads`]).
+    pub quads: u32,
+}
+
+impl<'a> From<&'a SurfaceMesh> for MeasuredMesh<'a> {
+    fn from(mesh: &'a SurfaceMesh) -> Self {
+        MeasuredMesh { mesh, quads: 0 }
+    }
 }
 
 /// What to measure.
@@ -141,21 +163,26 @@ impl Contents for QualityReport {
 ///
 /// # Errors
 /// Cancellation; [`crate::error::Reason::BadParameter`] for a target size of the wrong length or with a size that is not positive.
-pub fn measure_quality(
+pub fn measure_quality<'a>(
     input: &SurfaceMesh,
     input_bvh: &TriangleBvh,
-    output: &SurfaceMesh,
+    output: impl Into<MeasuredMesh<'a>>,
     target: Option<&TargetSize>,
     scope: QualityScope,
     work: &Work<'_>,
 ) -> Result<QualityReport> {
+    let MeasuredMesh { mesh: output, quads } = output.into();
     check_target(target, output)?;
+    if quads as usize > output.triangles.len() / 2 {
+        return Err(EngineError::bad_parameter("quads", "there are not two faces for each"));
+    }
     let (output_edges, input_edges) = (edges::edge_table(output), edges::edge_table(input));
     let mut report = QualityReport {
         shape: shape::measure_shape(output, &output_edges, target),
         input_shape: shape::measure_shape(input, &input_edges, None),
         topology_input: topology_numbers(&input.triangles, input.positions.len()),
         topology_output: topology_numbers(&output.triangles, output.positions.len()),
+        quads: (quads > 0).then(|| quads::measure_quads(output, quads as usize, &output_edges, target)),
         worst_faces: shape::worst_faces(output, 20),
         ..QualityReport::default()
     };
@@ -182,6 +209,9 @@ fn check_target(target: Option<&TargetSize>, output: &SurfaceMesh) -> Result<()>
         Some(TargetSize::Uniform(size)) if !positive(size) => bad(format!("size {size} is not positive")),
         Some(TargetSize::PerVertex(sizes)) if sizes.len() != output.positions.len() => {
             bad(format!("{} sizes for {} vertices", sizes.len(), output.positions.len()))
+        }
+        Some(TargetSize::Metric(tensors)) if tensors.len() != output.positions.len() => {
+            bad(format!("{} tensors for {} vertices", tensors.len(), output.positions.len()))
         }
         Some(TargetSize::PerVertex(sizes)) => match sizes.iter().position(|s| !positive(s)) {
             Some(v) => bad(format!("size {} at vertex {v} is not positive", sizes[v])),

@@ -9,7 +9,9 @@ use crate::error::{EngineError, Reason, Result};
 use crate::features::FeatureSpec;
 use crate::fingerprint::{Contents, Feeder, Fingerprint};
 use crate::import::ImportOptions;
+use crate::lock::LockSpec;
 use crate::mesh::SurfaceMesh;
+use crate::metric::MetricSpec;
 use crate::optimize::OptimizeSpec;
 use crate::parametrize::ChartSpec;
 use crate::partition::{PartitionSpec, PatchEdit};
@@ -105,8 +107,12 @@ pub struct Snapshot {
     pub patch_edits: Arc<Vec<Arc<PatchEdit>>>,
     /// Which sizes are wanted; `None` until set: sizes are never guessed.
     pub size: Option<SizeSpec>,
+    /// Which boundary vertices stay.
+    pub lock: LockSpec,
     /// The planar mesher.
     pub mesher: Mesher,
+    /// What the anisotropic mesher follows; other meshers do not look at it.
+    pub metric: Arc<MetricSpec>,
     /// How far to optimise.
     pub optimize: OptimizeSpec,
 }
@@ -123,7 +129,9 @@ impl Snapshot {
             patch_charts: Arc::default(),
             patch_edits: Arc::default(),
             size: None,
+            lock: LockSpec::default(),
             mesher: Mesher::default(),
+            metric: Arc::default(),
             optimize: OptimizeSpec::default(),
         }
     }
@@ -168,8 +176,12 @@ pub enum Change {
     ResetPatchEdits,
     /// Replace the size specification.
     Size(SizeSpec),
+    /// Replace which boundary vertices stay.
+    Lock(LockSpec),
     /// Replace the planar mesher.
     Mesher(Mesher),
+    /// Take the anisotropic mesher, with what it follows.
+    Anisotropic(MetricSpec),
     /// Replace the optimisation specification.
     Optimize(OptimizeSpec),
     /// Take all inputs of an earlier revision that is still kept (undo).
@@ -298,8 +310,19 @@ impl Session {
                 Change::PatchChart { patch, spec } => set_patch_chart(&mut next, *patch, spec.as_ref())?,
                 Change::PatchEdit(edit) => add_patch_edit(&mut next, edit.clone())?,
                 Change::ResetPatchEdits => next.patch_edits = Arc::default(),
-                Change::Size(spec) => next.size = Some(spec.clone()),
-                Change::Mesher(mesher) => next.mesher = *mesher,
+                Change::Size(spec) => {
+                    spec.validate()?;
+                    next.size = Some(spec.clone());
+                }
+                Change::Lock(spec) => next.lock = spec.clone(),
+                Change::Mesher(mesher) => {
+                    mesher.validate()?;
+                    next.mesher = *mesher;
+                }
+                Change::Anisotropic(spec) => {
+                    spec.validate()?;
+                    (next.mesher, next.metric) = (Mesher::Anisotropic, Arc::new(spec.clone()));
+                }
                 Change::Optimize(spec) => next.optimize = spec.clone(),
                 Change::Rollback(revision) => {
                     let kept = state.history.iter().find(|s| s.revision == *revision);

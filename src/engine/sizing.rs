@@ -1,94 +1,114 @@
 //! Size fields: the wanted edge length at every vertex of the input surface.
 
+mod check;
+mod compose;
+mod cone;
+mod measure;
+mod place;
+mod spec;
+
+pub use measure::{MeasureSpec, Measured, measure};
+pub use spec::{
+    Centerline, CenterlineMeasure, CenterlineSize, ComposedSize, CurvatureSize, DistanceSize, DistanceSource, MAX_FIELDS, MAX_POINTS,
+    ProximitySize, RegionChoice, Shape, ShapeSize, Sides, SizeBase, SizeFieldSpec, SizeSpec,
+};
+
 use crate::error::{EngineError, Reason, Result};
 use crate::features::Features;
-use crate::fingerprint::{Contents, Feeder};
+use crate::fingerprint::{Contents, Feeder, Fingerprint};
+use crate::lock::{LockSpec, locked_sizes, locked_vertices};
 use crate::mesh::SurfaceMesh;
 use crate::topology::Topology;
 use crate::vector::{angle_between, area_vector_twice, distance};
 use crate::work::Work;
+use check::{ordered, positive, slope};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Which edge lengths are wanted.
-#[derive(Debug, Clone, PartialEq)]
-pub enum SizeSpec {
-    /// The same everywhere.
-    Uniform {
-        /// Edge length in units of the mesh.
-        size: f64,
-    },
-    /// The same everywhere, chosen so that about this many equilateral triangles cover the surface:
-    /// N sqrt(3)/4 size^2 = area.
-    TriangleCount {
-        /// Wanted number of triangles.
-        triangles: u64,
-    },
-    /// A length for each vertex of the imported mesh, clamped and then limited in growth.
-    PerVertex {
-        /// One positive length per vertex.
-        sizes: Vec<f64>,
-        /// Lower bound, if any.
-        min_size: Option<f64>,
-        /// Upper bound, if any.
-        max_size: Option<f64>,
-        /// Largest ratio of lengths of neighbouring elements (at least 1); `None` does not limit.
-        growth_rate: Option<f64>,
-    },
-    /// `min_size` on feature and boundary curves (at the flattest spot, where there is neither), growing away from them by
-    /// `growth_rate` per element up to `max_size`.
-    Graded {
-        /// Smallest length.
-        min_size: f64,
-        /// Largest length.
-        max_size: f64,
-        /// Ratio of lengths of neighbouring elements, above 1.
-        growth_rate: f64,
-    },
-}
-
 /// Wanted edge length at each vertex of the input surface; linear inside faces.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct SizeField {
     /// One positive length per vertex.
     pub vertex_size: Vec<f64>,
     /// The common value, if all are equal.
     pub uniform: Option<f64>,
+    /// By what the fields were multiplied to meet a number of triangles ([`SizeBase::Triangles`]); 1 if they were taken as they are.
+    pub fields_scaled_by: f64,
+    /// For each vertex whether it is locked; empty if none is.
+    pub locked: Vec<bool>,
+}
+
+impl Default for SizeField {
+    fn default() -> Self {
+        SizeField { vertex_size: Vec::new(), uniform: None, fields_scaled_by: 1.0, locked: Vec::new() }
+    }
+}
+
+impl SizeField {
+    /// A field from its lengths.
+    pub fn new(vertex_size: Vec<f64>) -> SizeField {
+        let first = vertex_size.first().copied();
+        let uniform = first.filter(|f| vertex_size.iter().all(|s| s == f));
+        SizeField { vertex_size, uniform, ..SizeField::default() }
+    }
+
+    /// Feeds which vertices are locked.
+    pub fn feed_locked(&self, into: &mut Feeder) {
+        into.raw(&self.locked.iter().map(|&l| u8::from(l)).collect::<Vec<u8>>());
+    }
+}
+
+/// What a size specification is evaluated on.
+pub struct SizeInput<'a> {
+    /// The surface.
+    pub mesh: &'a SurfaceMesh,
+    /// Its adjacency.
+    pub topology: &'a Topology,
+    /// Its features.
+    pub features: &'a Features,
+    /// Vertices of the patch of this identity, if the partition has it.
+    pub patch_vertices: &'a (dyn Fn(Fingerprint) -> Option<&'a [u32]> + 'a),
+    /// For each field of a composed specification what [`SizeFieldSpec::measure`] asks for, taken by [`measure()`].
+    pub measured: &'a [Option<&'a Measured>],
 }
 
 impl Contents for SizeField {
     fn feed(&self, into: &mut Feeder) {
         into.f64s(&self.vertex_size);
+        self.feed_locked(into);
     }
 
     fn bytes(&self) -> usize {
-        self.vertex_size.len() * 8
+        self.vertex_size.len() * 8 + self.locked.len()
     }
 }
 
 /// Most triangles a size field may ask for (about area / (sqrt(3)/4 size^2)); more is refused with [`Reason::LimitReached`].
 pub const MAX_EXPECTED_TRIANGLES: f64 = 2.0e7;
 
-/// Evaluates a size specification. O(F log F) with growth, else O(F).
+/// Evaluates a size specification. O(F log F) with growth or distances, else O(F).
 ///
 /// Growth: along the surface (measured along mesh edges) lengths grow at most by `ln(growth_rate)` per unit of distance, which is
 /// the law under which the lengths of neighbouring elements have the ratio `growth_rate`.
 ///
 /// # Errors
-/// [`Reason::BadParameter`] for lengths that are not positive and finite, a wrong array length, `min_size > max_size` or a growth
-/// rate below 1; [`Reason::LimitReached`] if more than [`MAX_EXPECTED_TRIANGLES`] would result.
-pub fn evaluate_size(mesh: &SurfaceMesh, topology: &Topology, features: &Features, spec: &SizeSpec, work: &Work<'_>) -> Result<SizeField> {
+/// [`Reason::BadParameter`] for lengths that are not positive and finite, a wrong array length, `min_size > max_size`, a growth
+/// rate below 1, and what else [`SizeSpec::validate`] refuses; [`Reason::LimitReached`] if more than [`MAX_EXPECTED_TRIANGLES`] would
+/// result.
+pub fn evaluate_size(input: &SizeInput<'_>, spec: &SizeSpec, work: &Work<'_>) -> Result<SizeField> {
     work.check()?;
+    spec.validate()?;
+    let &SizeInput { mesh, topology, features, .. } = input;
     let count = mesh.positions.len();
-    let vertex_size = match spec {
-        SizeSpec::Uniform { size } => vec![positive("uniform.size", *size)?; count],
-        SizeSpec::TriangleCount { triangles } => vec![size_for_count(mesh, *triangles)?; count],
+    let field = match spec {
+        SizeSpec::Uniform { size } => SizeField::new(vec![positive("uniform.size", *size)?; count]),
+        SizeSpec::TriangleCount { triangles } => SizeField::new(vec![size_for_count("triangle_count.triangles", mesh, *triangles)?; count]),
         SizeSpec::PerVertex { sizes, min_size, max_size, growth_rate } => {
             let mut field = clamped(sizes, count, *min_size, *max_size)?;
             if let Some(rate) = growth_rate {
                 limit_growth(mesh, topology, &mut field, slope("per_vertex.growth_rate", *rate)?, work)?;
             }
-            field
+            SizeField::new(field)
         }
         SizeSpec::Graded { min_size, max_size, growth_rate } => {
             let low = positive("graded.min_size", *min_size)?;
@@ -103,42 +123,20 @@ pub fn evaluate_size(mesh: &SurfaceMesh, topology: &Topology, features: &Feature
                 field[v as usize] = low;
             }
             limit_growth(mesh, topology, &mut field, slope, work)?;
-            field
+            SizeField::new(field)
         }
+        SizeSpec::Composed(composed) => compose::composed(input, composed, work)?,
     };
-    check_count(mesh, &vertex_size)?;
-    let first = vertex_size.first().copied();
-    let uniform = first.filter(|f| vertex_size.iter().all(|s| s == f));
-    Ok(SizeField { vertex_size, uniform })
+    check_count(mesh, &field.vertex_size)?;
+    Ok(field)
 }
 
-fn positive(field: &str, value: f64) -> Result<f64> {
-    if value.is_finite() && value > 0.0 {
-        Ok(value)
-    } else {
-        Err(EngineError::bad_parameter(field, format!("{value} is not a positive length")))
-    }
-}
-
-fn ordered(low: f64, high: f64) -> Result<()> {
-    if low <= high { Ok(()) } else { Err(EngineError::bad_parameter("min_size", format!("{low} is above max_size {high}"))) }
-}
-
-/// Growth of the length per unit of distance.
-fn slope(field: &str, rate: f64) -> Result<f64> {
-    if rate.is_finite() && rate >= 1.0 {
-        Ok(rate.ln())
-    } else {
-        Err(EngineError::bad_parameter(field, format!("{rate} is not a ratio of at least 1")))
-    }
-}
-
-fn size_for_count(mesh: &SurfaceMesh, triangles: u64) -> Result<f64> {
+fn size_for_count(name: &str, mesh: &SurfaceMesh, triangles: u64) -> Result<f64> {
     if triangles == 0 {
-        return Err(EngineError::bad_parameter("triangle_count.triangles", "must be at least 1"));
+        return Err(EngineError::bad_parameter(name, "must be at least 1"));
     }
     let size = (mesh.area() / triangles as f64 * 4.0 / 3f64.sqrt()).sqrt();
-    positive("triangle_count.triangles", size)
+    positive(name, size)
 }
 
 fn clamped(sizes: &[f64], count: usize, low: Option<f64>, high: Option<f64>) -> Result<Vec<f64>> {
@@ -155,14 +153,52 @@ fn clamped(sizes: &[f64], count: usize, low: Option<f64>, high: Option<f64>) -> 
     Ok(sizes.iter().map(|s| s.clamp(low, high)).collect())
 }
 
-/// Refuses fields that ask for too many triangles: the integral of ds / (sqrt(3)/4 size^2).
-fn check_count(mesh: &SurfaceMesh, sizes: &[f64]) -> Result<()> {
+/// The ratio of lengths of neighbouring elements next to locked edges, if the specification names none.
+pub const GROWTH_AT_LOCKED_EDGES: f64 = 1.3;
+
+/// The field with locked vertices: at those whose boundary edges stay, the length is that of the edges; from there it grows or shrinks by
+/// `growth_rate` (default [`GROWTH_AT_LOCKED_EDGES`]). Bounds do not hold there.
+///
+/// # Errors
+/// Those of [`locked_vertices`]; [`Reason::LimitReached`] as in [`evaluate_size`].
+pub fn with_locked(
+    mesh: &SurfaceMesh,
+    topology: &Topology,
+    field: SizeField,
+    lock: &LockSpec,
+    growth_rate: Option<f64>,
+    work: &Work<'_>,
+) -> Result<SizeField> {
+    let locked = locked_vertices(mesh, topology, lock)?;
+    if !locked.contains(&true) {
+        return Ok(field);
+    }
+    let mut vertex_size = field.vertex_size;
+    let slope = slope("growth_rate", growth_rate.unwrap_or(GROWTH_AT_LOCKED_EDGES))?;
+    let own = locked_sizes(mesh, topology, &locked);
+    raise_around(mesh, topology, &mut vertex_size, &own, slope.max(GROWTH_AT_LOCKED_EDGES.ln()), work)?;
+    for (size, own) in vertex_size.iter_mut().zip(own) {
+        *size = own.unwrap_or(*size);
+    }
+    limit_growth(mesh, topology, &mut vertex_size, slope, work)?;
+    check_count(mesh, &vertex_size)?;
+    Ok(SizeField { locked, fields_scaled_by: field.fields_scaled_by, ..SizeField::new(vertex_size) })
+}
+
+/// About how many triangles a field asks for: the integral of ds / (sqrt(3)/4 size^2), by the midpoints of the sides of each face.
+pub fn expected_triangles(mesh: &SurfaceMesh, vertex_size: &[f64]) -> f64 {
     let per_face = |f: usize| {
         let [a, b, c] = mesh.corners(f);
-        let size = mesh.triangles[f].iter().map(|&v| sizes[v as usize]).sum::<f64>() / 3.0;
-        crate::vector::triangle_area(a, b, c) / (0.25 * 3f64.sqrt() * size * size)
+        let [x, y, z] = mesh.triangles[f].map(|v| vertex_size[v as usize]);
+        let squares = [x + y, y + z, z + x].map(|twice| 1.0 / (0.25 * twice * twice));
+        crate::vector::triangle_area(a, b, c) * (squares[0] + squares[1] + squares[2]) / (0.75 * 3f64.sqrt())
     };
-    let expected: f64 = (0..mesh.triangles.len()).map(per_face).sum();
+    (0..mesh.triangles.len()).map(per_face).sum()
+}
+
+/// Refuses fields that ask for too many triangles.
+fn check_count(mesh: &SurfaceMesh, sizes: &[f64]) -> Result<()> {
+    let expected = expected_triangles(mesh, sizes);
     if expected <= MAX_EXPECTED_TRIANGLES {
         return Ok(());
     }
@@ -207,6 +243,51 @@ fn graded_sources(mesh: &SurfaceMesh, topology: &Topology, features: &Features) 
     sources
 }
 
+/// Raises lengths around vertices of given lengths until none is below a neighbour's by more than `slope` times their distance: one sweep
+/// in decreasing order of length. O(E log E) of what is raised.
+fn raise_around(
+    mesh: &SurfaceMesh,
+    topology: &Topology,
+    sizes: &mut [f64],
+    given: &[Option<f64>],
+    slope: f64,
+    work: &Work<'_>,
+) -> Result<()> {
+    let mut heap: BinaryHeap<(u64, u32)> = BinaryHeap::new();
+    for (v, length) in given.iter().enumerate() {
+        if let Some(length) = length.filter(|l| *l > sizes[v]) {
+            sizes[v] = length;
+            heap.push((length.to_bits(), v as u32));
+        }
+    }
+    let mut done = 0usize;
+    while let Some((bits, v)) = heap.pop() {
+        if bits != sizes[v as usize].to_bits() {
+            continue;
+        }
+        done += 1;
+        if done.is_multiple_of(4096) {
+            work.check()?;
+        }
+        let here = sizes[v as usize];
+        for w in neighbours(topology, v) {
+            let bound = here - slope * distance(mesh.positions[v as usize], mesh.positions[w as usize]);
+            if bound > sizes[w as usize] {
+                sizes[w as usize] = bound;
+                heap.push((bound.to_bits(), w));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn neighbours(topology: &Topology, v: u32) -> impl Iterator<Item = u32> + '_ {
+    topology.outgoing(v).flat_map(|h| {
+        let before = topology.prev(h);
+        [Some(topology.target(h)), topology.twin(before).is_none().then(|| topology.origin(before))].into_iter().flatten()
+    })
+}
+
 /// Lowers lengths until none exceeds a neighbour's by more than `slope` times their distance: one sweep in increasing order
 /// of length, as in Dijkstra's algorithm. O(E log E).
 fn limit_growth(mesh: &SurfaceMesh, topology: &Topology, sizes: &mut [f64], slope: f64, work: &Work<'_>) -> Result<()> {
@@ -223,18 +304,11 @@ fn limit_growth(mesh: &SurfaceMesh, topology: &Topology, sizes: &mut [f64], slop
             work.step(done.min(total), total)?;
         }
         let here = sizes[v as usize];
-        let mut relax = |w: u32| {
+        for w in neighbours(topology, v) {
             let bound = here + slope * distance(mesh.positions[v as usize], mesh.positions[w as usize]);
             if bound < sizes[w as usize] {
                 sizes[w as usize] = bound;
                 heap.push(Reverse((bound.to_bits(), w)));
-            }
-        };
-        for h in topology.outgoing(v) {
-            relax(topology.target(h));
-            let before = topology.prev(h);
-            if topology.twin(before).is_none() {
-                relax(topology.origin(before));
             }
         }
     }

@@ -33,8 +33,18 @@ pub enum Stage {
     Solve,
     /// Map of a patch to the plane.
     Chart,
+    /// Principal curvatures at the input's vertices, for a size field.
+    Curvature,
+    /// Distances of facing sheets, for a size field.
+    Proximity,
+    /// Thickness of the body, for a size field.
+    Thickness,
+    /// Radius of vessels, for a size field.
+    Centerline,
     /// Wanted edge length at the input's vertices.
     Size,
+    /// Metric with directions of its own on the input.
+    Metric,
     /// One-dimensional mesh of a curve.
     Curve,
     /// Planar mesh of a chart.
@@ -47,13 +57,15 @@ pub enum Stage {
     Assembly,
     /// Optimisation on the surface.
     Optimize,
+    /// Quadrangles made of triangles.
+    Quads,
     /// Quality report.
     Quality,
 }
 
 impl Stage {
     /// All stages in pipeline order.
-    pub const ALL: [Stage; 20] = [
+    pub const ALL: [Stage; 26] = [
         Stage::Import,
         Stage::Topology,
         Stage::SearchTree,
@@ -66,13 +78,19 @@ impl Stage {
         Stage::Boundary,
         Stage::Solve,
         Stage::Chart,
+        Stage::Curvature,
+        Stage::Proximity,
+        Stage::Thickness,
+        Stage::Centerline,
         Stage::Size,
+        Stage::Metric,
         Stage::Curve,
         Stage::Planar,
         Stage::Lift,
         Stage::Interior,
         Stage::Assembly,
         Stage::Optimize,
+        Stage::Quads,
         Stage::Quality,
     ];
 
@@ -91,13 +109,19 @@ impl Stage {
             Stage::Boundary => "boundary",
             Stage::Solve => "solve",
             Stage::Chart => "chart",
+            Stage::Curvature => "curvature",
+            Stage::Proximity => "proximity",
+            Stage::Thickness => "thickness",
+            Stage::Centerline => "centerline",
             Stage::Size => "size",
+            Stage::Metric => "metric",
             Stage::Curve => "curve",
             Stage::Planar => "planar",
             Stage::Lift => "lift",
             Stage::Interior => "interior",
             Stage::Assembly => "assembly",
             Stage::Optimize => "optimize",
+            Stage::Quads => "quads",
             Stage::Quality => "quality",
         }
     }

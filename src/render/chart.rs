@@ -66,7 +66,7 @@ pub fn render_chart(chart: &Chart<'_>) -> Result<Image> {
         chart.uv.iter().map(|p| [centre[0] + scale * (p[0] - middle[0]), centre[1] - scale * (p[1] - middle[1]), 0.0]).collect();
     let plane = PlaneMap([[1.0 / scale, 0.0, middle[0] - centre[0] / scale], [0.0, -1.0 / scale, middle[1] + centre[1] / scale]]);
     let flipped: Vec<bool> = chart.triangles.iter().map(|t| is_flipped(t.map(|v| chart.uv[v as usize]))).collect();
-    let ink = chart.edges.map(|e| EdgeInk { half_width: 0.5 * e.width * samples, colour: e.colour, strength: 0.75 });
+    let ink = chart.edges.map(|e| EdgeInk { half_width: 0.5 * e.width * samples, colour: e.colour, strength: 0.75, sides: [true; 3] });
     let boundary = boundary_edges(chart.triangles);
     supersampled(&mut image, chart.supersampling, WHITE, |band| {
         for (f, t) in chart.triangles.iter().enumerate() {

@@ -21,6 +21,8 @@ pub(crate) struct EdgeInk {
     pub(crate) half_width: f64,
     pub(crate) colour: Rgb,
     pub(crate) strength: f64,
+    /// Whether the edge opposite each corner is drawn.
+    pub(crate) sides: [bool; 3],
 }
 
 /// Draws a picture of `image`'s size with `samples` samples a pixel along each axis: `draw` is called for every band, in sample
@@ -104,7 +106,7 @@ impl Band {
                 self.depth[at] = near;
                 self.colour[at] = paint(x, y);
                 if let Some(ink) = ink
-                    && (0..3).any(|k| weights[k] * heights[k] < ink.half_width)
+                    && (0..3).any(|k| ink.sides[k] && weights[k] * heights[k] < ink.half_width)
                 {
                     self.colour[at] = mix(self.colour[at], ink.colour, ink.strength);
                 }

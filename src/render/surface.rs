@@ -63,6 +63,8 @@ pub struct Scene<'a> {
     pub pattern: Option<SurfacePattern<'a>>,
     /// Style of all triangle edges, if they are drawn. Edges fade where triangles get as small as a few pixels.
     pub edges: Option<LineStyle>,
+    /// For `q` below it faces `2 q` = (a, b, c) and `2 q + 1` = (a, c, d) are the halves of a quadrangle: their diagonal is no edge.
+    pub quads: usize,
     /// Edges to draw thick over the surface: interface curves, features.
     pub curves: &'a [[u32; 2]],
     /// Style of `curves`.
@@ -82,6 +84,7 @@ impl<'a> Scene<'a> {
             colours: FaceColours::Uniform([196, 202, 210]),
             pattern: None,
             edges: None,
+            quads: 0,
             curves: &[],
             curve_style: LineStyle { width: 2.5, colour: [16, 16, 24] },
             title: None,
@@ -145,6 +148,7 @@ pub fn render_surface(scene: &Scene<'_>, view: &View) -> Result<Image> {
                 FaceColours::PerFace(colours) => colours[f],
             };
             let light = Light::on(corners);
+            let ink = ink.map(|ink| EdgeInk { sides: drawn_sides(f, scene.quads), ..ink });
             match scene.pattern.and_then(|p| Some((p.pattern, PlaneMap::of_triangle(corners, p.corner_uv[f]?)))) {
                 None => {
                     let shaded = light.shade(own);
@@ -298,6 +302,15 @@ impl Light {
     }
 }
 
+/// Edges of a face, by the corner opposite, without the diagonal if it is half of a quadrangle.
+fn drawn_sides(face: usize, quads: usize) -> [bool; 3] {
+    match (face < 2 * quads, face.is_multiple_of(2)) {
+        (false, _) => [true; 3],
+        (true, true) => [true, false, true],
+        (true, false) => [true, true, false],
+    }
+}
+
 /// Ink for the edges, weaker where the triangles of the picture are only a few pixels large; `None` where nothing would show.
 fn edge_ink(style: LineStyle, seen: &[[f64; 3]], triangles: &[[u32; 3]], samples: f64) -> Option<EdgeInk> {
     let length = |a: [f64; 3], b: [f64; 3]| (a[0] - b[0]).hypot(a[1] - b[1]);
@@ -305,7 +318,7 @@ fn edge_ink(style: LineStyle, seen: &[[f64; 3]], triangles: &[[u32; 3]], samples
         triangles.iter().map(|t| t.map(|v| seen[v as usize])).map(|[a, b, c]| length(a, b) + length(b, c) + length(c, a)).sum();
     let pixels = total / (3.0 * triangles.len() as f64 * samples);
     let strength = ((pixels / style.width.max(0.5) - 1.5) / 8.0).clamp(0.0, 0.85);
-    let ink = EdgeInk { half_width: 0.5 * style.width * samples, colour: style.colour, strength };
+    let ink = EdgeInk { half_width: 0.5 * style.width * samples, colour: style.colour, strength, sides: [true; 3] };
     (strength > 0.0).then_some(ink)
 }
 

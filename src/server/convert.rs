@@ -2,5 +2,9 @@
 
 pub(crate) mod charts;
 pub(crate) mod from_proto;
+pub(crate) mod meshers;
+mod metric;
 pub(crate) mod patches;
+pub(crate) mod sizes;
+pub(crate) mod sources;
 pub(crate) mod to_proto;

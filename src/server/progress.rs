@@ -21,8 +21,10 @@ fn share(stage: Stage) -> f64 {
         | Stage::Cut
         | Stage::Patches
         | Stage::Size
+        | Stage::Metric
         | Stage::Curve
         | Stage::System => 1.0,
+        Stage::Curvature | Stage::Proximity | Stage::Thickness | Stage::Centerline => 1.0,
         Stage::Partition => 10.0,
         Stage::Factor => 6.0,
         Stage::Boundary | Stage::Solve => 4.0,
@@ -32,6 +34,7 @@ fn share(stage: Stage) -> f64 {
         Stage::Lift => 2.0,
         Stage::Assembly => 2.0,
         Stage::Optimize => 10.0,
+        Stage::Quads => 20.0,
         Stage::Quality => 5.0,
     }
 }

@@ -2,18 +2,22 @@
 
 mod chart;
 mod connect;
+mod field;
 mod history;
+mod mesher;
 mod patch;
 mod values;
 
 pub(crate) use chart::{ChartAllArgs, ChartArgs, ChartOutput, ChartSpecArgs, ChartVerb, PatchOf, PatchSpecArgs};
+pub(crate) use field::FieldArg;
 pub(crate) use history::{HistoryVerb, StepArgs, WatchArgs};
+pub(crate) use mesher::{MesherArgs, MesherName, MetricArgs};
 pub(crate) use patch::{PartitionArgs, PatchArgs, PatchVerb};
 #[cfg(test)]
 pub(crate) use values::PinArg;
 pub(crate) use values::{
-    BorderChoice, BoundaryCurve, HoleChoice, OuterLoop, PartitionStrategy, PinChoice, PlaneArg, SpacingChoice, SplitChoice, names_session,
-    session_name,
+    BorderChoice, BoundaryCurve, HoleChoice, LockChoice, OuterLoop, PartitionStrategy, PinChoice, PlaneArg, SpacingChoice, SplitChoice,
+    names_session, session_name,
 };
 pub(crate) use values::{ChartMethod, ColourBy, Encoding, FeatureAngle, ObjRegions, ReadFormat, SampleName, Unit, Up};
 
@@ -21,7 +25,7 @@ use clap::{ArgAction, Args, Parser, Subcommand};
 use std::path::PathBuf;
 use std::time::Duration;
 pub(crate) use values::{LimitArg, RegionListArg};
-use values::{duration, feature_angle, limit, not_negative, plane, positive, region_list};
+use values::{duration, feature_angle, limit, lock, not_negative, plane, positive, region_list};
 
 const AFTER_HELP: &str = "\
 Exit codes:
@@ -134,8 +138,10 @@ pub(crate) struct RunArgs {
 }
 
 /// Which edge lengths are wanted, in the unit of the mesh.
-#[derive(Debug, Clone, Default, Args)]
-#[command(next_help_heading = "Size (one of --size, --triangles, --sizes, or --min-size with --max-size and --growth-rate)")]
+#[derive(Debug, Clone, Default, PartialEq, Args)]
+#[command(
+    next_help_heading = "Size (one of --size, --triangles, --sizes, or --min-size with --max-size and --growth-rate; and any --field)"
+)]
 pub(crate) struct SizeArgs {
     /// Edge length everywhere
     #[arg(long, value_name = "LENGTH", value_parser = positive, allow_negative_numbers = true)]
@@ -155,6 +161,10 @@ pub(crate) struct SizeArgs {
     /// Largest ratio of the lengths of neighbouring elements, as in 1.2
     #[arg(long, value_name = "RATIO", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) growth_rate: Option<f64>,
+    /// A field of smaller sizes, as in curvature:normal_angle=15; may be repeated, and the smallest size counts. Kinds: region, patch,
+    /// vertex, curvature, proximity, thickness, centerline, box, sphere, cylinder, distance (see docs/sizes.md)
+    #[arg(long = "field", value_name = "KIND:KEY=VALUE,...", value_parser = field::field, action = ArgAction::Append)]
+    pub(crate) fields: Vec<FieldArg>,
 }
 
 /// How the file is read.
@@ -233,12 +243,18 @@ pub(crate) struct InputArgs {
     /// What is done to the borders between patches [default: geodesic]
     #[arg(long, value_name = "HOW")]
     pub(crate) borders: Option<BorderChoice>,
+    /// Boundary vertices that stay bit for bit, with the boundary edges between them: `none`, `boundary` (all), `loops:V,...` (all of the
+    /// loops through these vertices) or `vertices:V,...` [default: none]
+    #[arg(long, value_name = "WHAT", value_parser = lock)]
+    pub(crate) lock: Option<LockChoice>,
     /// Rounds of optimisation across patch borders; 0 leaves the mesh as it was joined [default: 5]
     #[arg(long, value_name = "N")]
     pub(crate) rounds: Option<u32>,
-    /// Chase triangles of lower kappa one by one afterwards [default: 0.5]
+    /// Chase triangles of lower kappa one by one afterwards [default: 0.7]
     #[arg(long, value_name = "KAPPA", value_parser = not_negative, allow_negative_numbers = true)]
     pub(crate) min_kappa: Option<f64>,
+    #[command(flatten)]
+    pub(crate) mesher: MesherArgs,
 }
 
 #[derive(Debug, Args)]

@@ -120,6 +120,50 @@ pub(crate) fn read_numbers(path: &Path) -> Outcome<Vec<f64>> {
     words(&text).map(number).collect()
 }
 
+/// Points one after another, with a number each where the file has a fourth column.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct Polyline {
+    pub(crate) points: Vec<[f64; 3]>,
+    pub(crate) radii: Vec<f64>,
+}
+
+/// Polylines: a point `x y z` or `x y z radius` on each line, a blank line between two polylines.
+pub(crate) fn read_polylines(path: &Path) -> Outcome<Vec<Polyline>> {
+    let text = read_text(path)?;
+    let mut lines = vec![Polyline::default()];
+    for (at, row) in text.lines().enumerate() {
+        let bad = |what: &str| malformed(path, at + 1, what);
+        let numbers: Vec<f64> = row.split_whitespace().map(|word| word.parse().unwrap_or(f64::NAN)).collect();
+        if numbers.iter().any(|x| !x.is_finite()) {
+            return Err(bad("not only finite numbers"));
+        }
+        let Some(line) = lines.last_mut() else { continue };
+        match numbers[..] {
+            [] if line.points.is_empty() => {}
+            [] => lines.push(Polyline::default()),
+            [x, y, z] if line.radii.is_empty() => line.points.push([x, y, z]),
+            [x, y, z, radius] if line.radii.len() == line.points.len() => {
+                line.points.push([x, y, z]);
+                line.radii.push(radius);
+            }
+            [_, _, _] | [_, _, _, _] => return Err(bad("a radius on some points of a polyline only")),
+            _ => return Err(bad("not a point x y z, or x y z radius")),
+        }
+    }
+    lines.retain(|line| !line.points.is_empty());
+    Ok(lines)
+}
+
+/// Numbers of any sign.
+pub(crate) fn read_signed_numbers(path: &Path) -> Outcome<Vec<f64>> {
+    let text = read_text(path)?;
+    let number = |(line, word): (usize, &str)| match word.parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok(value),
+        _ => Err(malformed(path, line, &format!("'{word}' is not a number"))),
+    };
+    words(&text).map(number).collect()
+}
+
 /// Numbers of faces.
 pub(crate) fn read_indices(path: &Path) -> Outcome<Vec<u32>> {
     let text = read_text(path)?;

@@ -73,7 +73,7 @@ pub(crate) async fn quality(context: &Context, args: &QualityArgs) -> Outcome<Re
     let shape = report.shape.clone().unwrap_or_default();
     let elements =
         format!("{}, {}", summary::count(shape.vertices, "vertex", "vertices"), summary::count(shape.triangles, "triangle", "triangles"));
-    let text = summary::line("mesh", elements) + &summary::shape(&shape) + &summary::quality(&report);
+    let text = summary::line("mesh", elements) + &summary::elements(Some(&shape), report.quads.as_ref()) + &summary::quality(&report);
     Ok(Report { text, json: json!({ "quality": json::quality(&report), "work": json::run(&run) }) })
 }
 

@@ -103,6 +103,19 @@ pub(crate) fn shape(shape: &v1::ShapeQuality) -> Value {
     })
 }
 
+pub(crate) fn quads(quads: &v1::QuadQuality) -> Value {
+    json!({
+        "quads": quads.quads,
+        "triangles": quads.triangles,
+        "eta_min": quads.eta_min,
+        "eta_mean": quads.eta_mean,
+        "eta_p01": quads.eta_p01,
+        "eta_histogram": quads.eta_histogram,
+        "tau": quads.tau,
+        "edge_ratio_ok": quads.edge_ratio_ok,
+    })
+}
+
 fn fidelity(fidelity: &v1::Fidelity) -> Value {
     json!({
         "diagonal": fidelity.diagonal,
@@ -118,6 +131,7 @@ fn fidelity(fidelity: &v1::Fidelity) -> Value {
 pub(crate) fn quality(report: &v1::QualityReport) -> Value {
     json!({
         "shape": report.shape.as_ref().map(shape),
+        "quads": report.quads.as_ref().map(quads),
         "input_shape": report.input_shape.as_ref().map(shape),
         "fidelity": report.fidelity.as_ref().map(fidelity),
         "topology_input": report.topology_input.as_ref().map(topology),
@@ -283,12 +297,92 @@ pub(crate) fn chart(chart: &v1::ChartSummary) -> Value {
     })
 }
 
+fn lock_name(lock: &v1::lock_spec::Lock) -> &'static str {
+    use v1::lock_spec::Lock;
+    match lock {
+        Lock::Nothing(_) => "none",
+        Lock::Boundary(_) => "boundary",
+        Lock::Loops(_) => "loops",
+        Lock::Vertices(_) => "vertices",
+    }
+}
+
+fn composed_size(size: &v1::ComposedSize) -> Value {
+    use v1::composed_size::Base;
+    json!({
+        "uniform": if let Some(Base::Uniform(length)) = size.base { json!(length) } else { Value::Null },
+        "triangles": if let Some(Base::Triangles(count)) = size.base { json!(count) } else { Value::Null },
+        "fields": size.fields.iter().map(size_field).collect::<Vec<_>>(),
+        "min_size": size.min_size,
+        "max_size": size.max_size,
+        "growth_rate": size.growth_rate,
+    })
+}
+
+fn size_field(field: &v1::SizeField) -> Value {
+    use v1::distance_size::From;
+    use v1::size_field::Field;
+    let Some(field) = &field.field else { return Value::Null };
+    match field {
+        Field::Region(r) => match &r.region {
+            Some(v1::region_size::Region::Id(id)) => json!({ "kind": "region", "id": id, "size": r.size }),
+            Some(v1::region_size::Region::Name(name)) => json!({ "kind": "region", "name": name, "size": r.size }),
+            None => Value::Null,
+        },
+        Field::Patch(p) => match &p.patch {
+            Some(v1::patch_size::Patch::Number(number)) => json!({ "kind": "patch", "number": number, "size": p.size }),
+            Some(v1::patch_size::Patch::Identity(identity)) => json!({ "kind": "patch", "identity": identity, "size": p.size }),
+            None => Value::Null,
+        },
+        Field::PerVertex(_) => json!({ "kind": "vertex" }),
+        Field::Curvature(c) => {
+            json!({ "kind": "curvature", "normal_angle": c.normal_angle, "deviation": c.deviation, "smoothing": c.smoothing })
+        }
+        Field::Proximity(p) => {
+            let sides = enum_name(p.sides().as_str_name(), "GAP_SIDES_");
+            json!({ "kind": "proximity", "elements_per_gap": p.elements_per_gap, "sides": sides, "reach": p.reach })
+        }
+        Field::Thickness(t) => json!({ "kind": "thickness", "elements": t.elements }),
+        Field::Centerline(c) => {
+            let measure = enum_name(c.measure().as_str_name(), "CENTERLINE_MEASURE_");
+            json!({ "kind": "centerline", "elements_around": c.elements_around, "measure": measure, "points": c.points })
+        }
+        Field::Shape(s) => {
+            let point = |p: &Option<v1::Point>| p.map_or(Value::Null, |p| json!([p.x, p.y, p.z]));
+            let (size, growth) = (s.size, s.growth_rate);
+            match &s.shape {
+                Some(v1::shape_size::Shape::Box(b)) => {
+                    json!({ "kind": "box", "low": point(&b.low), "high": point(&b.high), "size": size, "growth_rate": growth })
+                }
+                Some(v1::shape_size::Shape::Sphere(b)) => {
+                    json!({ "kind": "sphere", "center": point(&b.center), "radius": b.radius, "size": size, "growth_rate": growth })
+                }
+                Some(v1::shape_size::Shape::Cylinder(c)) => json!({
+                    "kind": "cylinder", "start": point(&c.start), "end": point(&c.end), "radius": c.radius, "size": size,
+                    "growth_rate": growth,
+                }),
+                None => Value::Null,
+            }
+        }
+        Field::Distance(d) => {
+            let from = match &d.from {
+                Some(From::Points(_)) => "points",
+                Some(From::Polylines(_)) => "lines",
+                Some(From::Curves(number)) if *number == i32::from(v1::SurfaceCurves::Boundary) => "boundary",
+                _ => "features",
+            };
+            json!({ "kind": "distance", "from": from, "size": d.size, "reach": d.reach, "growth_rate": d.growth_rate })
+        }
+    }
+}
+
 fn inputs(inputs: &v1::SessionInputs) -> Value {
     use v1::feature_spec::SharpEdges;
     use v1::size_spec::Size;
     let features = inputs.features.clone().unwrap_or_default();
     let partition = inputs.partition.unwrap_or_default();
     let optimize = inputs.optimize.unwrap_or_default();
+    let mesher = inputs.mesher.clone().unwrap_or_default();
     let size = inputs.size.as_ref().and_then(|size| size.size.as_ref()).map(|size| match size {
         Size::Uniform(length) => json!({ "uniform": length }),
         Size::Triangles(count) => json!({ "triangles": count }),
@@ -296,6 +390,7 @@ fn inputs(inputs: &v1::SessionInputs) -> Value {
         Size::PerVertex(p) => {
             json!({ "per_vertex": true, "min_size": p.min_size, "max_size": p.max_size, "growth_rate": p.growth_rate })
         }
+        Size::Composed(c) => composed_size(c),
     });
     json!({
         "feature_angle": match features.sharp_edges {
@@ -319,8 +414,31 @@ fn inputs(inputs: &v1::SessionInputs) -> Value {
         "patch_charts": inputs.patch_charts,
         "patch_edits": inputs.patch_edits,
         "size": size,
+        "lock": inputs.lock.as_ref().and_then(|l| l.lock.as_ref()).map(lock_name),
+        "locked": inputs.lock.as_ref().map_or(0, |l| l.count),
+        "mesher": enum_name(mesher.kind().as_str_name(), "MESHER_KIND_"),
+        "min_angle": mesher.min_angle,
+        "metric": mesher.metric.as_ref().map(metric),
+        "all_quads": mesher.all_quads,
         "rounds": optimize.rounds,
         "min_kappa": optimize.min_kappa,
+    })
+}
+
+fn metric(metric: &v1::MetricSpec) -> Value {
+    use v1::metric_spec::Source;
+    let curvature = match &metric.source {
+        Some(Source::Curvature(c)) => Some(*c),
+        _ => None,
+    };
+    json!({
+        "per_vertex": matches!(metric.source, Some(Source::Tensors(_))),
+        "deviation": curvature.and_then(|c| c.deviation),
+        "normal_angle": curvature.and_then(|c| c.normal_angle),
+        "min_size": metric.min_size,
+        "max_size": metric.max_size,
+        "max_stretch": metric.max_stretch,
+        "growth_rate": metric.growth_rate,
     })
 }
 

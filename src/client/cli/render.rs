@@ -63,11 +63,16 @@ async fn prepare(context: &Context, args: &RenderArgs) -> Outcome<(String, Strin
     if needs_result && choice.is_none() {
         return Err(specs::missing_size());
     }
-    if choice.is_some() && !needs_result {
-        return Err(Failure::Usage("a size is for --result or --histogram; the input is drawn as it is".into()));
+    let by_size = args.by == ColourBy::Size;
+    if by_size && choice.is_none() {
+        return Err(specs::missing_size());
+    }
+    if choice.is_some() && !needs_result && !by_size {
+        return Err(Failure::Usage("a size is for --result, --histogram or --by size; the input is drawn as it is".into()));
     }
     let session = context.temporary_session(&format!("remesh render {}", files::short_name(file))).await?;
-    let needs_soundness = needs_result || args.chart.is_some() || args.chart_on_surface || args.by == ColourBy::Patch;
+    let needs_soundness =
+        needs_result || args.chart.is_some() || args.chart_on_surface || matches!(args.by, ColourBy::Patch | ColourBy::Size);
     if needs_soundness {
         context.import_sound(&session, file, &args.import).await?;
     } else {
@@ -90,6 +95,7 @@ fn columns(by: ColourBy) -> MeshColumns {
         ColourBy::Patch => MeshColumns { patch: true, ..Default::default() },
         ColourBy::Kappa => MeshColumns { kappa: true, ..Default::default() },
         ColourBy::Region => MeshColumns { region: true, ..Default::default() },
+        ColourBy::Size => MeshColumns { size: true, ..Default::default() },
     }
 }
 
@@ -108,18 +114,23 @@ async fn draw_surface(context: &Context, args: &RenderArgs, session: &str, name:
     let curves = match args.by {
         ColourBy::Patch => borders(&mesh.triangles, &mesh.patch),
         ColourBy::Region => borders(&mesh.triangles, &mesh.region),
-        ColourBy::Kappa => Vec::new(),
+        ColourBy::Kappa | ColourBy::Size => Vec::new(),
     };
     let legend = legend(&mesh, args.by);
-    let triangles = summary::count(mesh.triangles.len() as u64, "triangle", "triangles");
+    let triangles = match mesh.quads {
+        0 => summary::count(mesh.triangles.len() as u64, "triangle", "triangles"),
+        quads => summary::count(quads, "quadrangle", "quadrangles"),
+    };
     let title = match args.by {
         ColourBy::Patch => format!("{name}: {triangles}, {}", summary::count(distinct(&mesh.patch), "patch", "patches")),
         ColourBy::Region => format!("{name}: {triangles}, {}", summary::count(distinct(&mesh.region), "region", "regions")),
         ColourBy::Kappa => format!("{name}: {triangles}, kappa mean {:.3}", mean(&mesh.kappa)),
+        ColourBy::Size => format!("{name}: {triangles}, sizes {:.4} to {:.4}", range(&mesh.size)[0], range(&mesh.size)[1]),
     };
     let mut scene = Scene::new(&mesh.positions, &mesh.triangles);
     scene.colours = FaceColours::PerFace(&colours);
     scene.edges = args.edges.then_some(EDGE);
+    scene.quads = mesh.quads as usize;
     scene.curves = &curves;
     scene.title = Some(&title);
     scene.legend = legend.as_ref();
@@ -131,6 +142,15 @@ fn face_colours(mesh: &MeshData, by: ColourBy) -> Vec<Rgb> {
         ColourBy::Patch => mesh.patch.iter().map(|&patch| categorical(patch)).collect(),
         ColourBy::Region => mesh.region.iter().map(|&region| categorical(region)).collect(),
         ColourBy::Kappa => mesh.kappa.iter().map(|&kappa| quality_colour(kappa)).collect(),
+        ColourBy::Size => {
+            // Equal ratios are equal steps of colour.
+            let [low, high] = range(&mesh.size);
+            let place = |t: &[u32; 3]| {
+                let size = t.iter().map(|&v| mesh.size.get(v as usize).copied().unwrap_or(low)).sum::<f64>() / 3.0;
+                if high > low { (size / low).ln() / (high / low).ln() } else { 1.0 }
+            };
+            mesh.triangles.iter().map(|t| quality_colour(place(t))).collect()
+        }
     }
 }
 
@@ -138,6 +158,10 @@ fn legend(mesh: &MeshData, by: ColourBy) -> Option<Legend> {
     match by {
         ColourBy::Patch => None,
         ColourBy::Kappa => Some(Legend::QualityBar { label: "kappa".into(), low: 0.0, high: 1.0 }),
+        ColourBy::Size => {
+            let [low, high] = range(&mesh.size).map(rounded);
+            Some(Legend::QualityBar { label: "size, log".into(), low, high })
+        }
         ColourBy::Region => {
             let named = mesh.regions.iter().zip(0..).map(|(region, index)| (summary::region_name(region), categorical(index)));
             Some(Legend::Names(named.collect()))
@@ -147,6 +171,16 @@ fn legend(mesh: &MeshData, by: ColourBy) -> Option<Legend> {
 
 fn distinct(labels: &[u32]) -> u64 {
     labels.iter().collect::<BTreeSet<_>>().len() as u64
+}
+
+/// To three digits, for a legend.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.2e}").parse().unwrap_or(value)
+}
+
+/// Smallest and largest.
+fn range(values: &[f64]) -> [f64; 2] {
+    values.iter().fold([f64::INFINITY, 0.0], |[low, high], &x| [low.min(x), high.max(x)])
 }
 
 fn mean(values: &[f64]) -> f64 {

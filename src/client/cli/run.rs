@@ -74,7 +74,7 @@ fn report(args: &RunArgs, done: &Done) -> Report {
     }
     text += &summary::line("patches", summary::grouped(done.result.patches.len() as u64));
     text += &summary::line("result", summary::mesh(&mesh));
-    text += &done.result.shape.as_ref().map(summary::shape).unwrap_or_default();
+    text += &summary::elements(done.result.shape.as_ref(), done.result.quads.as_ref());
     text += &full.map(summary::quality).unwrap_or_default();
     text += &summary::work(milliseconds, &groups);
     text += &summary::line("wrote", written(&args.output, &done.exported));
@@ -88,6 +88,7 @@ fn report(args: &RunArgs, done: &Done) -> Report {
         "patches": done.result.patches.len(),
         "mesh": json::mesh(&mesh),
         "shape": done.result.shape.as_ref().map(json::shape),
+        "quads": done.result.quads.as_ref().map(json::quads),
         "quality": full.map(json::quality),
         "work": json::work(milliseconds, &groups),
         "warnings": done.result.warnings,

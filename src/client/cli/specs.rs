@@ -1,22 +1,23 @@
 //! From options of the command line to the specs of the protocol.
 
 mod chart;
+mod mesher;
+mod size;
 
 pub(crate) use chart::{chart_edit, merged_chart, names_vertices};
+pub(crate) use size::{missing_size, size_choice, size_spec};
 
 use super::args::{
-    BorderChoice, ChartMethod, ChartSpecArgs, Encoding, FeatureAngle, ImportArgs, InputArgs, LimitArg, ObjRegions, PartitionStrategy,
-    ReadFormat, RegionListArg, SampleName, SampleSpecArgs, SizeArgs, Unit,
+    BorderChoice, ChartMethod, ChartSpecArgs, Encoding, FeatureAngle, ImportArgs, InputArgs, LimitArg, LockChoice, ObjRegions,
+    PartitionStrategy, ReadFormat, RegionListArg, SampleName, SampleSpecArgs, Unit,
 };
-use super::failure::{Failure, Outcome};
+use super::failure::Outcome;
 use super::files;
-use crate::arrays::{pack_f64, pack_u32};
+use crate::arrays::pack_u32;
 use crate::{Client, v1};
 use bytes::Bytes;
-use std::path::Path;
 use v1::change::Change;
 use v1::packed_array::Data;
-use v1::size_spec::Size;
 
 /// Arrays up to this size travel in the message, larger ones as a blob.
 const INLINE_BYTES: usize = 1 << 20;
@@ -79,68 +80,6 @@ pub(crate) fn encoding(encoding: Option<Encoding>) -> v1::MeshEncoding {
     }
 }
 
-/// A size on the command line, before its file is read.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) enum SizeChoice<'a> {
-    Uniform(f64),
-    Triangles(u64),
-    PerVertex { file: &'a Path, min: Option<f64>, max: Option<f64>, growth: Option<f64> },
-    Graded(v1::GradedSize),
-}
-
-/// Which of the ways to give a size was taken; `None` if there is no size on the command line.
-pub(crate) fn size_choice(args: &SizeArgs) -> Outcome<Option<SizeChoice<'_>>> {
-    let usage = |message: &str| Err(Failure::Usage(message.into()));
-    let bounds = args.min_size.is_some() || args.max_size.is_some() || args.growth_rate.is_some();
-    let ways = [args.size.is_some(), args.triangles.is_some(), args.sizes.is_some()];
-    if ways.iter().filter(|on| **on).count() > 1 {
-        return usage("--size, --triangles and --sizes exclude one another");
-    }
-    if bounds && (args.size.is_some() || args.triangles.is_some()) {
-        return usage("--min-size, --max-size and --growth-rate do not go with --size or --triangles");
-    }
-    if let (Some(min), Some(max)) = (args.min_size, args.max_size)
-        && min > max
-    {
-        return usage("--min-size is greater than --max-size");
-    }
-    if let Some(size) = args.size {
-        return Ok(Some(SizeChoice::Uniform(size)));
-    }
-    if let Some(triangles) = args.triangles {
-        return Ok(Some(SizeChoice::Triangles(triangles)));
-    }
-    if let Some(file) = &args.sizes {
-        return Ok(Some(SizeChoice::PerVertex { file, min: args.min_size, max: args.max_size, growth: args.growth_rate }));
-    }
-    match (args.min_size, args.max_size, args.growth_rate) {
-        (None, None, None) => Ok(None),
-        (Some(min_size), Some(max_size), Some(growth_rate)) => {
-            Ok(Some(SizeChoice::Graded(v1::GradedSize { min_size, max_size, growth_rate })))
-        }
-        _ => usage("--min-size, --max-size and --growth-rate go together"),
-    }
-}
-
-/// The message that a command without a size prints.
-pub(crate) fn missing_size() -> Failure {
-    Failure::Usage("which size? Give --size LENGTH, --triangles N, --sizes FILE, or --min-size, --max-size and --growth-rate".into())
-}
-
-/// The size spec; reads and uploads the file of a size per vertex.
-pub(crate) async fn size_spec(client: &Client, choice: SizeChoice<'_>) -> Outcome<v1::SizeSpec> {
-    let size = match choice {
-        SizeChoice::Uniform(length) => Size::Uniform(length),
-        SizeChoice::Triangles(count) => Size::Triangles(count),
-        SizeChoice::Graded(graded) => Size::Graded(graded),
-        SizeChoice::PerVertex { file, min, max, growth } => {
-            let sizes = packed(client, pack_f64(&files::read_numbers(file)?)).await?;
-            Size::PerVertex(v1::PerVertexSize { sizes: Some(sizes), min_size: min, max_size: max, growth_rate: growth })
-        }
-    };
-    Ok(v1::SizeSpec { size: Some(size) })
-}
-
 async fn packed(client: &Client, bytes: Bytes) -> Outcome<v1::PackedArray> {
     let data = if bytes.len() <= INLINE_BYTES { Data::Inline(bytes) } else { Data::Blob(client.upload(bytes, |_| {}).await?) };
     Ok(v1::PackedArray { data: Some(data) })
@@ -168,6 +107,20 @@ pub(crate) async fn changes(
     if method.is_some() {
         let edit = chart_edit(&ChartSpecArgs { method, ..Default::default() })?;
         changes.push(Change::Charts(merged_chart(current.charts.clone().unwrap_or_default(), edit)));
+    }
+    if let Some(choice) = &args.lock {
+        use v1::lock_spec::Lock;
+        let lock = match choice {
+            LockChoice::Nothing => Lock::Nothing(v1::NoLock {}),
+            LockChoice::Boundary => Lock::Boundary(v1::BoundaryLock {}),
+            LockChoice::Loops(vertices) => Lock::Loops(packed(client, pack_u32(vertices)).await?),
+            LockChoice::Vertices(vertices) => Lock::Vertices(packed(client, pack_u32(vertices)).await?),
+        };
+        changes.push(Change::Lock(v1::LockSpec { lock: Some(lock), count: 0 }));
+    }
+    let mesher = current.mesher.clone().unwrap_or_default();
+    if let Some(spec) = mesher::mesher_spec(client, &args.mesher, &mesher).await? {
+        changes.push(Change::Mesher(spec));
     }
     let mut optimize = current.optimize.unwrap_or_default();
     if args.rounds.is_some() || args.min_kappa.is_some() {
@@ -254,33 +207,6 @@ fn put_partition(args: &InputArgs, spec: &mut v1::PartitionSpec) -> bool {
 mod tests {
     use super::super::args::PlaneArg;
     use super::*;
-    use std::path::PathBuf;
-
-    #[test]
-    fn one_way_to_give_a_size() {
-        let args = |size, triangles, min, max, growth| SizeArgs {
-            size,
-            triangles,
-            sizes: None,
-            min_size: min,
-            max_size: max,
-            growth_rate: growth,
-        };
-        let choice = |a: &SizeArgs| size_choice(a).map(|c| format!("{c:?}")).map_err(|e| e.exit_code());
-        assert_eq!(choice(&args(None, None, None, None, None)), Ok("None".into()));
-        assert_eq!(choice(&args(Some(1.5), None, None, None, None)), Ok("Some(Uniform(1.5))".into()));
-        assert!(choice(&args(None, None, Some(0.1), Some(1.0), Some(1.2))).is_ok_and(|c| c.contains("Graded")));
-        for bad in [
-            args(Some(1.0), Some(10), None, None, None),
-            args(Some(1.0), None, Some(0.5), None, None),
-            args(None, None, Some(0.5), None, None),
-            args(None, None, Some(2.0), Some(1.0), Some(1.2)),
-        ] {
-            assert_eq!(choice(&bad), Err(2), "{bad:?}");
-        }
-        let per_vertex = SizeArgs { sizes: Some(PathBuf::from("s.txt")), max_size: Some(2.0), ..Default::default() };
-        assert!(matches!(size_choice(&per_vertex), Ok(Some(SizeChoice::PerVertex { max: Some(2.0), min: None, .. }))));
-    }
 
     #[test]
     fn options_are_put_into_the_current_inputs() {

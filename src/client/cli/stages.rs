@@ -21,8 +21,8 @@ fn group_name(stage: &str) -> &str {
     match stage {
         "topology" | "search_tree" | "features" | "partition" | "cut" | "patches" => "partition",
         "system" | "factor" | "boundary" | "solve" | "chart" => "charts",
-        "size" | "curve" | "planar" | "lift" => "meshing",
-        "assembly" | "optimize" => "optimisation",
+        "curvature" | "proximity" | "thickness" | "centerline" | "size" | "metric" | "curve" | "planar" | "lift" => "meshing",
+        "assembly" | "optimize" | "quads" => "optimisation",
         other => other,
     }
 }

@@ -106,13 +106,14 @@ pub(crate) async fn remesh(context: &Context, args: &PatchesArgs) -> Outcome<Rep
             text += &format!("          patch {}: {}\n", p.patch, summary::count(p.triangles, "triangle", "triangles"));
         }
     }
-    text += &result.shape.as_ref().map(summary::shape).unwrap_or_default();
+    text += &summary::elements(result.shape.as_ref(), result.quads.as_ref());
     text += &result.summary.as_ref().map(summary::run).unwrap_or_default();
     let patch = |p: &v1::PatchMeshSummary| json!({ "patch": p.patch, "vertices": p.vertices, "triangles": p.triangles });
     let json = json!({
         "mesh": result.mesh.as_ref().map(json::mesh),
         "patches": result.patches.iter().map(patch).collect::<Vec<_>>(),
         "shape": result.shape.as_ref().map(json::shape),
+        "quads": result.quads.as_ref().map(json::quads),
         "work": json::run(&result.summary),
     });
     Ok(Report { text, json })

@@ -116,6 +116,19 @@ pub(crate) fn shape(shape: &v1::ShapeQuality) -> String {
     text
 }
 
+/// The worth of quadrangles, where there are any; the halves of quadrangles say little.
+pub(crate) fn elements(triangles: Option<&v1::ShapeQuality>, quads: Option<&v1::QuadQuality>) -> String {
+    let Some(quads) = quads else { return triangles.map(shape).unwrap_or_default() };
+    let counts = count(quads.quads, "quadrangle", "quadrangles") + ", " + &count(quads.triangles, "triangle", "triangles");
+    let eta = format!("min {:.3}, mean {:.3}, first percentile {:.3}", quads.eta_min, quads.eta_mean, quads.eta_p01);
+    let mut text = line("quads", counts) + &line("eta", eta);
+    if let Some(tau) = quads.tau {
+        let ratio = quads.edge_ratio_ok.map(|ok| format!(" ({:.1} % of the edges near their size)", 100.0 * ok)).unwrap_or_default();
+        text += &line("tau", format!("{tau:.1} %{ratio}"));
+    }
+    text
+}
+
 /// Elements at seams and away from them, one line each; nothing where there is no seam.
 fn seams(quality: &v1::SeamQuality) -> String {
     let part = |part: v1::PartQuality| {

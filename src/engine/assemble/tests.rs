@@ -64,7 +64,7 @@ fn joined(size: f64) -> (SurfaceMesh, Result<Assembled>) {
     let work = Work::silent(&cancel);
     let sizes = vec![size; mesh.positions.len()];
     let meshes: Vec<Arc<CurveMesh>> =
-        network.curves.iter().map(|c| Arc::new(mesh_curve(&curve_polyline(&mesh, &topology, c, &sizes), &work).unwrap())).collect();
+        network.curves.iter().map(|c| Arc::new(mesh_curve(&curve_polyline(&mesh, &topology, c, &sizes, &[]), &work).unwrap())).collect();
     let patches: Vec<(Patch, PatchMap)> = halves.iter().map(|h| (h.0.clone(), h.1.clone())).collect();
     let curves = patch_curves(&topology, &network, &partition, &patches);
     let uses: Vec<Vec<CurveUse<'_>>> = curves
@@ -79,7 +79,7 @@ fn joined(size: f64) -> (SurfaceMesh, Result<Assembled>) {
             (Arc::new(lift(patch, &planar, uses)), map)
         })
         .collect();
-    let out = assemble(&mesh, &topology, &[], &network, &meshes, &lifted);
+    let out = assemble(&mesh, &topology, &[], &[], &network, &meshes, &lifted);
     (mesh, out)
 }
 

@@ -6,7 +6,7 @@ use crate::work::CancelToken;
 
 fn meshed(points: Vec<Vec3>, sizes: Vec<f64>, closed: bool, kind: CurveKind) -> CurveMesh {
     let cancel = CancelToken::new();
-    let polyline = CurvePolyline { points, sizes, closed, kind, min_edges: if closed { 3 } else { 1 } };
+    let polyline = CurvePolyline { points, sizes, closed, kind, min_edges: if closed { 3 } else { 1 }, locked: Vec::new() };
     mesh_curve(&polyline, &Work::silent(&cancel)).unwrap()
 }
 
@@ -75,7 +75,8 @@ fn corners_of_features_are_not_cut() {
         points.extend([[x + 1.13, y, 0.0], [x + 1.13, 0.9 - y, 0.0]]);
     }
     let count = points.len();
-    let polyline = CurvePolyline { points, sizes: vec![0.5; count], closed: false, kind: CurveKind::Feature, min_edges: 1 };
+    let polyline =
+        CurvePolyline { points, sizes: vec![0.5; count], closed: false, kind: CurveKind::Feature, min_edges: 1, locked: Vec::new() };
     let cancel = CancelToken::new();
     let mesh = mesh_curve(&polyline, &Work::silent(&cancel)).unwrap();
     for w in mesh.points.windows(2) {
@@ -89,7 +90,14 @@ fn corners_of_features_are_not_cut() {
 fn bad_sizes_are_refused() {
     let cancel = CancelToken::new();
     for (size, reason) in [(0.0, "BAD_PARAMETER"), (f64::NAN, "BAD_PARAMETER"), (-1.0, "BAD_PARAMETER"), (1e-12, "LIMIT_REACHED")] {
-        let polyline = CurvePolyline { points: line(2, 1.0), sizes: vec![size; 2], closed: false, kind: CurveKind::Seam, min_edges: 1 };
+        let polyline = CurvePolyline {
+            points: line(2, 1.0),
+            sizes: vec![size; 2],
+            closed: false,
+            kind: CurveKind::Seam,
+            min_edges: 1,
+            locked: Vec::new(),
+        };
         assert_eq!(mesh_curve(&polyline, &Work::silent(&cancel)).unwrap_err().reason().code(), reason);
     }
 }
@@ -176,7 +184,7 @@ fn small_notches_of_the_boundary_stay() {
     }
     points.push([14.0, 0.0, 0.0]);
     let sizes = vec![1.0; points.len()];
-    let polyline = CurvePolyline { points, sizes, closed: false, kind: CurveKind::Boundary, min_edges: 1 };
+    let polyline = CurvePolyline { points, sizes, closed: false, kind: CurveKind::Boundary, min_edges: 1, locked: Vec::new() };
     let cancel = CancelToken::new();
     let mesh = mesh_curve(&polyline, &Work::silent(&cancel)).unwrap();
     for p in &polyline.points {

@@ -137,8 +137,12 @@ impl<'a> Network<'a> {
         self.borders[b as usize].path = path;
     }
 
-    /// Whether a path is simple and uses nothing of others. Its own claims must have been dropped.
+    /// Whether a path is simple, ends where it starts if it is to, and uses nothing of others. Its own claims must have been dropped.
     fn is_clear(&mut self, path: &[Node], closed: bool) -> bool {
+        // Going there and back over the crossing where a closed path starts takes its end away.
+        if closed && path.first() != path.last() {
+            return false;
+        }
         let Some(faces) = self.crossed(path) else { return false };
         let field = Field { mesh: self.mesh, topology: self.topology, free: |_| true, open: |_| true };
         let mut crossed: Vec<u32> = faces.iter().flatten().copied().collect();

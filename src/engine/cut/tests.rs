@@ -166,3 +166,20 @@ fn cuts_keep_patches_on_a_family_of_surfaces() {
         }
     }
 }
+
+/// Borders that close on themselves and turn back over the crossing they start at (some do here) must not lose their end.
+#[test]
+fn loops_of_a_body_of_high_genus_stay_closed() {
+    use crate::partition::PartitionStrategy;
+    use crate::sample::{SampleKind, SampleSpec, generate};
+    let token = CancelToken::new();
+    let work = Work::silent(&token);
+    let spec = SampleSpec { genus: Some(20), ..SampleSpec::new(SampleKind::Pelvis, 30_000) };
+    let mesh = generate(&spec, &work).unwrap();
+    let topology = Topology::build(&mesh.triangles, mesh.positions.len()).unwrap();
+    let features = crate::features::detect_features(&mesh, &topology, &Default::default(), &work).unwrap();
+    let spec = PartitionSpec { strategy: PartitionStrategy::Pants, borders: BorderSmoothing::Geodesic, ..PartitionSpec::default() };
+    let partition = partition_surface(&mesh, &topology, &features, &spec, &work).unwrap();
+    let case = Case { mesh, topology, features, partition };
+    case.check(&case.cut(), "pelvis of genus 20");
+}

@@ -1,7 +1,7 @@
 //! Gmsh MSH 4.1 (ascii and binary) and 2.2 (ascii): one discrete surface per region, regions as physical groups,
 //! patch and kappa as element data.
 
-use super::write::{faces_by_region, has_only_default_region, put, put_point, region_numbers};
+use super::write::{Element, element_shape, elements, faces_by_region, has_only_default_region, put, put_point, region_numbers};
 use super::{Exported, FaceData};
 use crate::import::raw::one_line;
 use crate::mesh::SurfaceMesh;
@@ -118,22 +118,29 @@ pub(crate) fn write41(mesh: &SurfaceMesh, data: FaceData<'_>, style: Style, out:
         to.end();
     }
     to.section("$EndNodes");
-    let used = groups.iter().filter(|g| !g.is_empty()).count();
+    // Elements of each region, triangles and quadrangles apart.
+    let mut blocks: Vec<[Vec<(usize, Element)>; 2]> = groups.iter().map(|_| Default::default()).collect();
+    for (number, element) in elements(mesh, data.quads).enumerate() {
+        blocks[mesh.face_region[element.face] as usize][element.corners().len() - 3].push((number, element));
+    }
+    let used = blocks.iter().flatten().filter(|block| !block.is_empty()).count();
+    let count = mesh.triangles.len() - data.quads as usize;
     to.section("$Elements");
-    to.sizes(&[used, mesh.triangles.len(), 1, mesh.triangles.len()]);
+    to.sizes(&[used, count, 1, count]);
     to.end();
-    for (region, faces) in groups.iter().enumerate().filter(|(_, g)| !g.is_empty()) {
-        to.ints(&[2, region as i32 + 1, 2]);
-        to.size(faces.len());
+    for (region, block) in blocks.iter().enumerate().flat_map(|(region, pair)| pair.iter().map(move |block| (region, block))) {
+        let Some((_, first)) = block.first() else { continue };
+        to.ints(&[2, region as i32 + 1, first.corners().len() as i32 - 1]);
+        to.size(block.len());
         to.end();
-        for &face in faces {
-            to.size(face as usize + 1);
-            mesh.triangles[face as usize].iter().for_each(|&v| to.size(v as usize + 1));
+        for (number, element) in block {
+            to.size(number + 1);
+            element.corners().iter().for_each(|&v| to.size(v as usize + 1));
             to.end();
         }
     }
     to.section("$EndElements");
-    write_data(data, style, out);
+    write_data(mesh, data, style, out);
 }
 
 /// Discrete surfaces, one per region, each with its box and its physical group.
@@ -171,21 +178,22 @@ pub(crate) fn write22(mesh: &SurfaceMesh, data: FaceData<'_>, out: &mut Exported
         put_point(bytes, p);
         bytes.push(b'\n');
     }
-    put!(bytes, "$EndNodes\n$Elements\n{}\n", mesh.triangles.len());
-    for (face, t) in mesh.triangles.iter().enumerate() {
-        let region = mesh.face_region[face];
+    put!(bytes, "$EndNodes\n$Elements\n{}\n", mesh.triangles.len() - data.quads as usize);
+    for (number, element) in elements(mesh, data.quads).enumerate() {
+        let region = mesh.face_region[element.face];
         let group = physical.as_ref().map_or(0, |numbers| numbers[region as usize]);
-        put!(bytes, "{} 2 2 {group} {} {} {} {}\n", face + 1, region + 1, t[0] + 1, t[1] + 1, t[2] + 1);
+        put!(bytes, "{} {} 2 {group} {}", number + 1, element.corners().len() - 1, region + 1);
+        element.corners().iter().for_each(|v| put!(bytes, " {}", v + 1));
+        bytes.push(b'\n');
     }
     bytes.extend_from_slice(b"$EndElements\n");
-    write_data(data, Style::Ascii, out);
+    write_data(mesh, data, Style::Ascii, out);
 }
 
 /// One view per face quantity, as Gmsh shows them.
-fn write_data(data: FaceData<'_>, style: Style, out: &mut Exported) {
-    let patch: Option<Vec<f64>> = data.patch.map(|p| p.iter().map(|&x| f64::from(x)).collect());
-    for (name, values) in [("patch_id", patch.as_deref()), ("kappa", data.kappa)] {
-        let Some(values) = values else { continue };
+fn write_data(mesh: &SurfaceMesh, data: FaceData<'_>, style: Style, out: &mut Exported) {
+    let patch = data.patch.map(|p| ("patch_id", elements(mesh, data.quads).map(|e| f64::from(p[e.face])).collect::<Vec<_>>()));
+    for (name, values) in [patch, element_shape(mesh, data)].into_iter().flatten() {
         put!(out.bytes, "$ElementData\n1\n\"{name}\"\n1\n0.0\n3\n0\n1\n{}\n", values.len());
         let mut to = Numbers { bytes: &mut out.bytes, style };
         for (face, value) in values.iter().enumerate() {

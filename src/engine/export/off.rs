@@ -1,7 +1,7 @@
 //! OFF: regions, if there are several, as face colours.
 
 use super::Exported;
-use super::write::{has_only_default_region, put, put_point};
+use super::write::{elements, has_only_default_region, put, put_point};
 use crate::mesh::SurfaceMesh;
 use std::io::Write;
 
@@ -14,18 +14,19 @@ fn colour(region: u32) -> [u8; 3] {
     channels
 }
 
-pub(crate) fn write(mesh: &SurfaceMesh, out: &mut Exported) {
+pub(crate) fn write(mesh: &SurfaceMesh, quads: u32, out: &mut Exported) {
     let bytes = &mut out.bytes;
-    put!(bytes, "OFF\n{} {} 0\n", mesh.positions.len(), mesh.triangles.len());
+    put!(bytes, "OFF\n{} {} 0\n", mesh.positions.len(), mesh.triangles.len() - quads as usize);
     for p in &mesh.positions {
         put_point(bytes, p);
         bytes.push(b'\n');
     }
     let coloured = mesh.regions.len() > 1;
-    for (t, &region) in mesh.triangles.iter().zip(&mesh.face_region) {
-        put!(bytes, "3 {} {} {}", t[0], t[1], t[2]);
+    for element in elements(mesh, quads) {
+        put!(bytes, "{}", element.corners().len());
+        element.corners().iter().for_each(|v| put!(bytes, " {v}"));
         if coloured {
-            let [r, g, b] = colour(region + 1);
+            let [r, g, b] = colour(mesh.face_region[element.face] + 1);
             put!(bytes, " {r} {g} {b}");
         }
         bytes.push(b'\n');

@@ -1,6 +1,6 @@
 //! PLY: regions as a face property with names in comments, patch and kappa as further properties.
 
-use super::write::{has_only_default_region, put, put_point, region_numbers};
+use super::write::{elements, has_only_default_region, put, put_point, region_numbers};
 use super::{Exported, FaceData};
 use crate::import::raw::one_line;
 use crate::mesh::SurfaceMesh;
@@ -28,18 +28,21 @@ pub(crate) fn write(mesh: &SurfaceMesh, data: FaceData<'_>, style: Style, out: &
         }
         Style::Binary => mesh.positions.as_flattened().iter().for_each(|x| bytes.extend_from_slice(&x.to_le_bytes())),
     }
-    for (face, t) in mesh.triangles.iter().enumerate() {
+    for element in elements(mesh, data.quads) {
+        let face = element.face;
+        let corners = element.corners();
         let region = numbers.as_ref().map(|n| n[mesh.face_region[face] as usize]);
         let patch = data.patch.map(|p| p[face] as i32);
-        let kappa = data.kappa.map(|k| k[face]);
+        let kappa = data.kappa.map(|k| element.shape(mesh, k));
         if style == Style::Ascii {
-            put!(bytes, "3 {} {} {}", t[0], t[1], t[2]);
+            put!(bytes, "{}", corners.len());
+            corners.iter().for_each(|v| put!(bytes, " {v}"));
             region.iter().chain(&patch).for_each(|number| put!(bytes, " {number}"));
             kappa.iter().for_each(|k| put!(bytes, " {k:?}"));
             bytes.push(b'\n');
         } else {
-            bytes.push(3);
-            t.iter().for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
+            bytes.push(corners.len() as u8);
+            corners.iter().for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
             region.iter().chain(&patch).for_each(|number| bytes.extend_from_slice(&number.to_le_bytes()));
             kappa.iter().for_each(|k| bytes.extend_from_slice(&k.to_le_bytes()));
         }
@@ -54,7 +57,7 @@ fn write_header(mesh: &SurfaceMesh, data: FaceData<'_>, style: Style, numbers: O
     put!(bytes, "element vertex {}\nproperty double x\nproperty double y\nproperty double z\n", mesh.positions.len());
     // The usual type of indices is int, which some readers insist on.
     let index = if mesh.positions.len() <= i32::MAX as usize { "int" } else { "uint" };
-    put!(bytes, "element face {}\nproperty list uchar {index} vertex_indices\n", mesh.triangles.len());
+    put!(bytes, "element face {}\nproperty list uchar {index} vertex_indices\n", mesh.triangles.len() - data.quads as usize);
     if numbers.is_some() {
         bytes.extend_from_slice(b"property int region\n");
     }
@@ -62,7 +65,7 @@ fn write_header(mesh: &SurfaceMesh, data: FaceData<'_>, style: Style, numbers: O
         bytes.extend_from_slice(b"property int patch_id\n");
     }
     if data.kappa.is_some() {
-        bytes.extend_from_slice(b"property double kappa\n");
+        put!(bytes, "property double {}\n", if data.quads > 0 { "shape" } else { "kappa" });
     }
     bytes.extend_from_slice(b"end_header\n");
 }

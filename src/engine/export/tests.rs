@@ -123,7 +123,7 @@ fn what_is_lost_is_told() {
     mesh.unit = LengthUnit::Millimetre;
     let patch = vec![0; mesh.triangles.len()];
     let all = |format, encoding| {
-        let data = FaceData { patch: Some(&patch), kappa: None };
+        let data = FaceData { patch: Some(&patch), ..FaceData::default() };
         export_mesh(&mesh, data, format, encoding).unwrap().warnings.join("; ")
     };
     let stl = all(Format::Stl, Encoding::Binary);
@@ -134,7 +134,7 @@ fn what_is_lost_is_told() {
     assert!(!all(Format::Ply, Encoding::Default).contains("region"));
     assert!(!all(Format::Gltf, Encoding::Default).contains("unit"));
     assert_eq!(export_mesh(&mesh, FaceData::default(), Format::Obj, Encoding::Binary).unwrap_err().reason(), Reason::FormatUnsupported);
-    let short = FaceData { patch: Some(&patch[1..]), kappa: None };
+    let short = FaceData { patch: Some(&patch[1..]), ..FaceData::default() };
     assert_eq!(export_mesh(&mesh, short, Format::Ply, Encoding::Ascii).unwrap_err().reason(), Reason::BadParameter);
 }
 
@@ -152,7 +152,7 @@ fn face_data_does_not_disturb_reading() {
     let mesh = torus(6, 4);
     let patch: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
     let kappa = vec![0.5; patch.len()];
-    let data = FaceData { patch: Some(&patch), kappa: Some(&kappa) };
+    let data = FaceData { patch: Some(&patch), kappa: Some(&kappa), quads: 0 };
     for (format, encoding, keeps) in VARIANTS {
         let bytes = export_mesh(&mesh, data, format, encoding).unwrap().bytes;
         assert_same(&mesh, &read(&bytes).mesh, keeps, &format!("{format:?} {encoding:?}"));
@@ -164,7 +164,7 @@ fn vtu_holds_the_arrays_in_both_encodings() {
     let mut mesh = band(3, 0);
     mesh.regions[0] = Region { id: 4, name: "a<b".to_owned() };
     let kappa: Vec<f64> = (0..6).map(|f| 0.5 + f64::from(f)).collect();
-    let data = FaceData { patch: Some(&[0, 1, 2, 3, 4, 5]), kappa: Some(&kappa) };
+    let data = FaceData { patch: Some(&[0, 1, 2, 3, 4, 5]), kappa: Some(&kappa), quads: 0 };
     let text = |encoding| String::from_utf8(export_mesh(&mesh, data, Format::Vtu, encoding).unwrap().bytes).unwrap();
     let array = |text: &str, name: &str| {
         let begin = text.find(&format!("Name=\"{name}\"")).unwrap();
@@ -193,7 +193,7 @@ fn survives(bytes: &[u8], format: Option<Format>) {
 fn truncated_and_damaged_files_are_survived() {
     let mesh = torus(5, 3);
     let patch = vec![1; mesh.triangles.len()];
-    let data = FaceData { patch: Some(&patch), kappa: None };
+    let data = FaceData { patch: Some(&patch), ..FaceData::default() };
     let mut random = Lcg(11);
     let binary_stl = (Format::Stl, Encoding::Binary, Keeps::Grouping);
     for (format, encoding, _) in VARIANTS.into_iter().chain([binary_stl]) {

@@ -1,6 +1,6 @@
-//! VTK XML unstructured grid, for ParaView: triangles with region, patch and kappa as cell data, region names as field data.
+//! VTK XML unstructured grid, for ParaView: triangles and quadrangles with region, patch and kappa as cell data, region names as field data.
 
-use super::write::put;
+use super::write::{Element, element_shape, elements, put};
 use super::{Exported, FaceData};
 use crate::import::base64;
 use crate::import::raw::stand_in_name;
@@ -16,6 +16,8 @@ pub(crate) enum Style {
 
 /// VTK's number for a triangle.
 const TRIANGLE: u8 = 5;
+/// VTK's number for a quadrangle.
+const QUAD: u8 = 9;
 
 /// Numbers of a data array.
 trait Item: Copy {
@@ -64,24 +66,31 @@ fn put_array<T: Item>(name: &str, tuple: usize, values: &[T], style: Style, out:
 
 pub(crate) fn write(mesh: &SurfaceMesh, data: FaceData<'_>, style: Style, out: &mut Exported) {
     let bytes = &mut out.bytes;
-    let faces = mesh.triangles.len();
+    let list: Vec<Element> = elements(mesh, data.quads).collect();
+    let cells = list.len();
     bytes.extend_from_slice(b"<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n<UnstructuredGrid>\n");
     put_region_names(mesh, bytes);
-    put!(bytes, "<Piece NumberOfPoints=\"{}\" NumberOfCells=\"{faces}\">\n<Points>\n", mesh.positions.len());
+    put!(bytes, "<Piece NumberOfPoints=\"{}\" NumberOfCells=\"{cells}\">\n<Points>\n", mesh.positions.len());
     put_array("Points", 3, mesh.positions.as_flattened(), style, bytes);
     bytes.extend_from_slice(b"</Points>\n<Cells>\n");
-    let corners: Vec<i64> = mesh.triangles.as_flattened().iter().map(|&v| i64::from(v)).collect();
+    let corners: Vec<i64> = list.iter().flat_map(|e| e.corners()).map(|&v| i64::from(v)).collect();
     put_array("connectivity", 1, &corners, style, bytes);
-    put_array("offsets", 1, &(1..=faces as i64).map(|f| 3 * f).collect::<Vec<_>>(), style, bytes);
-    put_array("types", 1, &vec![TRIANGLE; faces], style, bytes);
+    let mut end = 0;
+    let ends = list.iter().map(|e| {
+        end += e.corners().len() as i64;
+        end
+    });
+    put_array("offsets", 1, &ends.collect::<Vec<_>>(), style, bytes);
+    let types: Vec<u8> = list.iter().map(|e| if e.corners().len() == 4 { QUAD } else { TRIANGLE }).collect();
+    put_array("types", 1, &types, style, bytes);
     bytes.extend_from_slice(b"</Cells>\n<CellData>\n");
-    let region: Vec<i64> = mesh.face_region.iter().map(|&r| mesh.regions[r as usize].id).collect();
+    let region: Vec<i64> = list.iter().map(|e| mesh.regions[mesh.face_region[e.face] as usize].id).collect();
     put_array("region_id", 1, &region, style, bytes);
     if let Some(patch) = data.patch {
-        put_array("patch_id", 1, &patch.iter().map(|&p| i64::from(p)).collect::<Vec<_>>(), style, bytes);
+        put_array("patch_id", 1, &list.iter().map(|e| i64::from(patch[e.face])).collect::<Vec<_>>(), style, bytes);
     }
-    if let Some(kappa) = data.kappa {
-        put_array("kappa", 1, kappa, style, bytes);
+    if let Some((name, values)) = element_shape(mesh, data) {
+        put_array(name, 1, &values, style, bytes);
     }
     bytes.extend_from_slice(b"</CellData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n");
 }

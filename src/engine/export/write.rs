@@ -3,6 +3,7 @@
 use super::FaceData;
 use crate::import::Format;
 use crate::mesh::{LengthUnit, SurfaceMesh};
+use crate::quads::shape::eta;
 use crate::vector::Vec3;
 use std::io::Write;
 
@@ -17,6 +18,49 @@ pub(crate) use put;
 /// Appends a point, each number with the fewest digits that give it back exactly.
 pub(crate) fn put_point(out: &mut Vec<u8>, p: &Vec3) {
     put!(out, "{:?} {:?} {:?}", p[0], p[1], p[2]);
+}
+
+/// A quadrangle or triangle to write.
+pub(crate) struct Element {
+    /// Its (first) face.
+    pub(crate) face: usize,
+    corners: [u32; 4],
+    count: usize,
+}
+
+impl Element {
+    pub(crate) fn corners(&self) -> &[u32] {
+        &self.corners[..self.count]
+    }
+
+    /// Eta of a quadrangle, the given kappa of a triangle.
+    pub(crate) fn shape(&self, mesh: &SurfaceMesh, kappa: &[f64]) -> f64 {
+        match self.count {
+            4 => eta(&self.corners.map(|v| mesh.positions[v as usize])).clamp(0.0, 1.0),
+            _ => kappa[self.face],
+        }
+    }
+}
+
+/// The elements of a mesh the first faces of which are in pairs the halves of quadrangles.
+pub(crate) fn elements(mesh: &SurfaceMesh, quads: u32) -> impl Iterator<Item = Element> {
+    let pairs = quads as usize;
+    let quad = move |q: usize| {
+        let ([a, b, c], [_, _, d]) = (mesh.triangles[2 * q], mesh.triangles[2 * q + 1]);
+        Element { face: 2 * q, corners: [a, b, c, d], count: 4 }
+    };
+    let triangle = move |face: usize| {
+        let [a, b, c] = mesh.triangles[face];
+        Element { face, corners: [a, b, c, 0], count: 3 }
+    };
+    (0..pairs).map(quad).chain((2 * pairs..mesh.triangles.len()).map(triangle))
+}
+
+/// Name and value by element of the shape measure: kappa, or `shape` if there are quadrangles.
+pub(crate) fn element_shape(mesh: &SurfaceMesh, data: FaceData<'_>) -> Option<(&'static str, Vec<f64>)> {
+    let kappa = data.kappa?;
+    let name = if data.quads > 0 { "shape" } else { "kappa" };
+    Some((name, elements(mesh, data.quads).map(|e| e.shape(mesh, kappa)).collect()))
 }
 
 /// Faces of each region, regions and faces in order.
@@ -79,6 +123,9 @@ pub(crate) fn told_losses(mesh: &SurfaceMesh, data: FaceData<'_>, format: Format
     let mut warnings = Vec::new();
     if mesh.unit != LengthUnit::Unspecified && format != Format::Gltf {
         warnings.push(format!("the format has no unit; the coordinates are in {}", unit_name(mesh.unit)));
+    }
+    if data.quads > 0 && matches!(format, Format::Stl | Format::Gltf) {
+        warnings.push(format!("the format has triangles only; each of the {} quadrangles was written as two", data.quads));
     }
     let has_face_data = matches!(format, Format::Ply | Format::Msh | Format::Vtu);
     if !has_face_data && data.patch.is_some() {

@@ -8,15 +8,15 @@ use std::cell::OnceCell;
 
 /// A point of the input.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Foot {
-    pub(super) face: u32,
-    pub(super) position: Vec3,
-    pub(super) barycentric: [f64; 3],
-    pub(super) distance_squared: f64,
+pub(crate) struct Foot {
+    pub(crate) face: u32,
+    pub(crate) position: Vec3,
+    pub(crate) barycentric: [f64; 3],
+    pub(crate) distance_squared: f64,
 }
 
 /// A search tree over the faces of the input.
-pub(super) enum Tree<'a> {
+pub(crate) enum Tree<'a> {
     /// Made before.
     Made(&'a TriangleBvh),
     /// Made when it is first asked for, which seldom happens.
@@ -24,7 +24,7 @@ pub(super) enum Tree<'a> {
 }
 
 /// The input with its faces by vertex.
-pub(super) struct Input<'a> {
+pub(crate) struct Input<'a> {
     mesh: &'a SurfaceMesh,
     tree: Tree<'a>,
     sizes: &'a SizeField,
@@ -41,7 +41,7 @@ const MOST_STEPS: usize = 200;
 const NOTHING: f64 = 1e-60;
 
 impl<'a> Input<'a> {
-    pub(super) fn new(mesh: &'a SurfaceMesh, tree: Tree<'a>, sizes: &'a SizeField) -> Self {
+    pub(crate) fn new(mesh: &'a SurfaceMesh, tree: Tree<'a>, sizes: &'a SizeField) -> Self {
         let mut first = vec![0u32; mesh.positions.len() + 1];
         for &v in mesh.triangles.as_flattened() {
             first[v as usize + 1] += 1;
@@ -85,7 +85,7 @@ impl<'a> Input<'a> {
     }
 
     /// Descends from a face to the closest point of the surface around: stays on the same sheet where another one is near.
-    pub(super) fn walk(&self, p: Vec3, from: u32) -> Foot {
+    pub(crate) fn walk(&self, p: Vec3, from: u32) -> Foot {
         let mut best = self.on_face(p, from);
         for _ in 0..MOST_STEPS {
             let corners = self.mesh.triangles[best.face as usize];
@@ -138,7 +138,7 @@ impl<'a> Input<'a> {
 
     /// The closest point by walking, or by the tree where the walk ends farther away than `far` and the tree finds a point at most
     /// half as far on a side that looks the same way.
-    pub(super) fn project(&self, p: Vec3, from: u32, far: f64) -> Foot {
+    pub(crate) fn project(&self, p: Vec3, from: u32, far: f64) -> Foot {
         let foot = self.walk(p, from);
         if foot.distance_squared <= far * far {
             return foot;
@@ -151,7 +151,7 @@ impl<'a> Input<'a> {
 
     /// Squared distance of a point from the whole surface, given that of its foot, if that is above `small`; else the latter. A walk may
     /// end too early, and then says too much.
-    pub(super) fn true_distance_squared(&self, p: Vec3, foot: &Foot, small: f64) -> f64 {
+    pub(crate) fn true_distance_squared(&self, p: Vec3, foot: &Foot, small: f64) -> f64 {
         if foot.distance_squared <= small * small {
             return foot.distance_squared;
         }
@@ -159,7 +159,7 @@ impl<'a> Input<'a> {
     }
 
     /// Vertices with a face whose normal has a lower cosine with that of the vertex, in order.
-    pub(super) fn sharp_vertices(&self, least_cosine: f64) -> Vec<u32> {
+    pub(crate) fn sharp_vertices(&self, least_cosine: f64) -> Vec<u32> {
         let sharp = |v: u32| {
             let normal = self.vertex_normal[v as usize];
             self.faces_of(v).iter().any(|&f| dot(self.face_normal[f as usize], normal) < least_cosine)
@@ -168,7 +168,7 @@ impl<'a> Input<'a> {
     }
 
     /// A vertex as a foot; `None` for one on the boundary or of no face.
-    pub(super) fn inner_vertex(&self, v: u32) -> Option<Foot> {
+    pub(crate) fn inner_vertex(&self, v: u32) -> Option<Foot> {
         let faces = self.faces_of(v);
         let others = |f: u32| self.mesh.triangles[f as usize].into_iter().filter(|w| *w != v);
         let mut ring: Vec<u32> = faces.iter().flat_map(|&f| others(f)).collect();
@@ -179,17 +179,17 @@ impl<'a> Input<'a> {
     }
 
     /// Position of a vertex.
-    pub(super) fn position(&self, v: u32) -> Vec3 {
+    pub(crate) fn position(&self, v: u32) -> Vec3 {
         self.mesh.positions[v as usize]
     }
 
     /// Wanted edge length at a vertex.
-    pub(super) fn vertex_size(&self, v: u32) -> f64 {
+    pub(crate) fn vertex_size(&self, v: u32) -> f64 {
         self.sizes.uniform.unwrap_or_else(|| self.sizes.vertex_size[v as usize])
     }
 
     /// Length of the bounding box's diagonal.
-    pub(super) fn diagonal(&self) -> f64 {
+    pub(crate) fn diagonal(&self) -> f64 {
         let bounds = self.mesh.positions.iter().fold(([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]), |(low, high), p| {
             (std::array::from_fn(|k| low[k].min(p[k])), std::array::from_fn(|k| high[k].max(p[k])))
         });
@@ -197,19 +197,19 @@ impl<'a> Input<'a> {
     }
 
     /// Normal of the face.
-    pub(super) fn face_normal(&self, foot: &Foot) -> Vec3 {
+    pub(crate) fn face_normal(&self, foot: &Foot) -> Vec3 {
         self.face_normal[foot.face as usize]
     }
 
     /// Normal interpolated between the vertices, unit length (zero on a knife edge).
-    pub(super) fn normal(&self, foot: &Foot) -> Vec3 {
+    pub(crate) fn normal(&self, foot: &Foot) -> Vec3 {
         let t = self.mesh.triangles[foot.face as usize];
         let sum = (0..3).fold([0.0; 3], |s, k| add_scaled(s, self.vertex_normal[t[k] as usize], foot.barycentric[k]));
         unit(sum)
     }
 
     /// Wanted edge length.
-    pub(super) fn size(&self, foot: &Foot) -> f64 {
+    pub(crate) fn size(&self, foot: &Foot) -> f64 {
         if let Some(size) = self.sizes.uniform {
             return size;
         }
@@ -218,13 +218,13 @@ impl<'a> Input<'a> {
     }
 
     /// Whether a triangle with this area vector looks the way of the surface at the foot of its middle.
-    pub(super) fn agrees(&self, area: Vec3, foot: &Foot, least_cosine: f64) -> bool {
+    pub(crate) fn agrees(&self, area: Vec3, foot: &Foot, least_cosine: f64) -> bool {
         let n = unit(area);
         dot(n, self.face_normal(foot)) > least_cosine || dot(n, self.normal(foot)) > least_cosine
     }
 }
 
 /// Middle of three points.
-pub(super) fn middle([a, b, c]: [Vec3; 3]) -> Vec3 {
+pub(crate) fn middle([a, b, c]: [Vec3; 3]) -> Vec3 {
     scale(add(add(a, b), c), 1.0 / 3.0)
 }

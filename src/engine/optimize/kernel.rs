@@ -231,6 +231,12 @@ impl Kernel {
         }
     }
 
+    /// Whether an edge stays as it is: a boundary edge between locked vertices.
+    pub(super) fn is_locked(&self, h: u32) -> bool {
+        let ends = [self.from(h), self.to(h)];
+        self.is_boundary(h) && ends.iter().all(|&v| self.class[v as usize] == VertexClass::Locked)
+    }
+
     /// Splits the edge of `h` at a new vertex, which is returned; its class is that of the edge.
     pub(super) fn split(&mut self, h: u32, at: Vec3) -> u32 {
         let m = self.outgoing.len() as u32;
@@ -294,7 +300,7 @@ impl Kernel {
     pub(super) fn can_collapse(&mut self, h: u32) -> bool {
         let (a, b) = (self.from(h), self.to(h));
         match self.class[a as usize] {
-            VertexClass::Corner => return false,
+            VertexClass::Corner | VertexClass::Locked => return false,
             VertexClass::Curve if !self.is_on_curve(h) => return false,
             _ => {}
         }

@@ -1,8 +1,8 @@
 //! Faces that no single step betters: on a copy of their surroundings steps are tried that make things worse at first, each followed by
 //! the usual ones. The best trial is done again on the mesh.
 
-use super::activity::{Activity, FIRST_SWEEP};
-use super::chase::chase;
+use super::activity::Activity;
+use super::chase::{chase, chase_trial};
 use super::kernel::{next, prev};
 use super::rounds::{FlipGoal, flip_pass};
 use super::state::{Curves, Operation, State};
@@ -48,7 +48,7 @@ pub(super) fn rescue(state: &mut State<'_>, target: f64, effort: Effort, work: &
     let mut taken = 0;
     for (_, f) in bad {
         work.check()?;
-        let held = |state: &State<'_>| state.mesh.corners(f).iter().any(|&v| state.mesh.class[v as usize] == VertexClass::Corner);
+        let held = |state: &State<'_>| state.mesh.corners(f).iter().any(|&v| state.mesh.class[v as usize].stays());
         if !state.mesh.is_face(f) || state.kappa(f) >= target || (effort == Effort::Inside && held(state)) {
             continue;
         }
@@ -153,7 +153,13 @@ fn best_trial<'a>(
         }
     }
     found.sort_by(|x, y| x.0.total_cmp(&y.0));
-    Ok(found.into_iter().take_while(|trial| trial.0 < enough).map(|trial| trial.1).find(|trial| accept(trial)))
+    for (_, mut trial) in found.into_iter().take_while(|trial| trial.0 < enough) {
+        chase(&mut trial, target, work)?;
+        if accept(&trial) {
+            return Ok(Some(trial));
+        }
+    }
+    Ok(None)
 }
 
 /// One trial for each first step at a face, best first.
@@ -161,9 +167,11 @@ fn try_all<'a>(start: &State<'a>, face: u32, target: f64, work: &Work<'_>) -> Re
     let mut trials: Vec<Trial<'a>> = Vec::new();
     for first in first_steps(start, face) {
         let mut trial = start.clone();
+        // What a step does not touch was chased before.
+        let since = trial.activity.begin();
         if take(&mut trial, first) {
-            flip_pass(&mut trial, FlipGoal::Shape, FIRST_SWEEP, work)?;
-            chase(&mut trial, target, work)?;
+            flip_pass(&mut trial, FlipGoal::Shape, since, work)?;
+            chase_trial(&mut trial, since, target, work)?;
             trials.push((badness(&trial, target), trial));
         }
     }
@@ -174,7 +182,7 @@ fn try_all<'a>(start: &State<'a>, face: u32, target: f64, work: &Work<'_>) -> Re
 /// The worst face below `target` with a corner that may go.
 fn worst_inside(state: &State<'_>, target: f64) -> Option<u32> {
     let m = &state.mesh;
-    let inside = |f: &u32| m.corners(*f).iter().any(|&v| m.class[v as usize] != VertexClass::Corner);
+    let inside = |f: &u32| m.corners(*f).iter().any(|&v| !m.class[v as usize].stays());
     let bad = m.faces_left().filter(inside).map(|f| (state.kappa(f), f)).filter(|x| x.0 < target);
     bad.min_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1))).map(|x| x.1)
 }

@@ -85,7 +85,7 @@ fn new_edges(state: &State<'_>, since: u32) -> Vec<u32> {
 }
 
 /// Faces with a corner that has changed, increasing. O(changes log changes).
-fn new_faces(state: &State<'_>, since: u32) -> Vec<u32> {
+pub(super) fn new_faces(state: &State<'_>, since: u32) -> Vec<u32> {
     let m = &state.mesh;
     let changed = state.activity.changed_since(since);
     let mut found: Vec<u32> = changed.iter().filter(|&&v| m.is_vertex(v)).flat_map(|&v| m.around(v)).map(|h| h / 3).collect();

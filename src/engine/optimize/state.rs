@@ -251,7 +251,7 @@ impl<'a> State<'a> {
             Curves::Held => self.mesh.is_on_curve(h),
             Curves::HeldBoundary => self.mesh.is_boundary(h),
         };
-        if held {
+        if held || self.mesh.is_locked(h) {
             return None;
         }
         let (a, b) = (self.mesh.from(h), self.mesh.to(h));
@@ -399,7 +399,7 @@ impl<'a> State<'a> {
     }
 
     fn is_corner(&self, v: u32) -> bool {
-        self.mesh.class[v as usize] == VertexClass::Corner
+        self.mesh.class[v as usize].stays()
     }
 
     /// Whether dropping the curve vertex `h` leaves moves its curve by no more than `most`.

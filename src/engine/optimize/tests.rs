@@ -121,7 +121,7 @@ fn run(mesh: &SurfaceMesh, size: f64, spec: &OptimizeSpec) -> (Assembled, Remesh
     let work = Work::silent(&token);
     let bvh = TriangleBvh::build(&mesh.positions, &mesh.triangles);
     let start = as_assembled(mesh);
-    let sizes = SizeField { vertex_size: vec![size; mesh.positions.len()], uniform: Some(size) };
+    let sizes = SizeField::new(vec![size; mesh.positions.len()]);
     let done = optimize_surface(mesh, &bvh, &start, Interiors::Raw, &sizes, spec, &work).unwrap();
     let target = TargetSize::Uniform(size);
     let report = measure_quality(mesh, &bvh, &done.mesh, Some(&target), QualityScope::Full, &work).unwrap();
@@ -188,7 +188,7 @@ fn boundary_stays_and_sizes_grade() {
     let token = CancelToken::new();
     let work = Work::silent(&token);
     let bvh = TriangleBvh::build(&mesh.positions, &mesh.triangles);
-    let sizes = SizeField { vertex_size: mesh.positions.iter().map(|p| 0.5 + 0.1 * p[0]).collect(), uniform: None };
+    let sizes = SizeField::new(mesh.positions.iter().map(|p| 0.5 + 0.1 * p[0]).collect());
     let done = optimize_surface(&mesh, &bvh, &as_assembled(&mesh), Interiors::Raw, &sizes, &OptimizeSpec::default(), &work).unwrap();
     assert!((done.mesh.area() - f64::from(n * n)).abs() < 1e-6);
     assert!(done.mesh.positions.iter().all(|p| p[2] == 0.0));
@@ -219,7 +219,7 @@ fn no_rounds_change_nothing_and_cancelling_works() {
     let token = CancelToken::new();
     token.cancel();
     let bvh = TriangleBvh::build(&mesh.positions, &mesh.triangles);
-    let sizes = SizeField { vertex_size: vec![0.4; mesh.positions.len()], uniform: Some(0.4) };
+    let sizes = SizeField::new(vec![0.4; mesh.positions.len()]);
     let mut start = as_assembled(&mesh);
     let stopped = optimize_surface(&mesh, &bvh, &start, Interiors::Raw, &sizes, &OptimizeSpec::default(), &Work::silent(&token));
     assert_eq!(stopped.unwrap_err().reason(), Reason::Cancelled);
@@ -255,7 +255,7 @@ fn largest_miss(mesh: &SurfaceMesh, start: &Assembled, size: f64) -> (f64, Quali
     let token = CancelToken::new();
     let work = Work::silent(&token);
     let bvh = TriangleBvh::build(&mesh.positions, &mesh.triangles);
-    let sizes = SizeField { vertex_size: vec![size; mesh.positions.len()], uniform: Some(size) };
+    let sizes = SizeField::new(vec![size; mesh.positions.len()]);
     let done = optimize_surface(mesh, &bvh, start, Interiors::Raw, &sizes, &OptimizeSpec::default(), &work).unwrap();
     let target = TargetSize::Uniform(size);
     let report = measure_quality(mesh, &bvh, &done.mesh, Some(&target), QualityScope::Full, &work).unwrap();

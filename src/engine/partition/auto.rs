@@ -1,5 +1,6 @@
 //! The choice of a strategy: the one with the fewest patches that satisfy the conditions (P2 eq. 5), tried only where strategies can differ.
 
+use super::depth::expected_charts;
 use super::pants::fewest_pants;
 use super::surface::{Limits, Piece, Scratch, Surface, measure};
 use super::{Partition, PartitionSpec, PartitionStrategy, cuts, face_groups, handles, laplace, multilevel, plane};
@@ -10,7 +11,7 @@ use crate::work::Work;
 const LEAST_GAIN: f64 = 0.25;
 
 /// Partitions by `Multilevel`; where handles or long parts, rather than size, make the number of patches, also by the strategies that
-/// serve those, and takes the fewest patches, of equal numbers the shortest borders. The reason names what was compared.
+/// serve those, and takes the fewest patches, of equal numbers what is expected to need fewer charts. The reason names what was compared.
 ///
 /// # Errors
 /// Those of `Multilevel`; a trial that fails is named in the reason.
@@ -32,7 +33,8 @@ pub(super) fn automatic(surface: &Surface<'_>, spec: &PartitionSpec, work: &Work
         let reason = format!("{count} patches, where none can do with fewer than {least} of the size allowed");
         return Ok(chosen(first, PartitionStrategy::Multilevel, reason));
     }
-    let mut contest = Contest { best: first, strategy: PartitionStrategy::Multilevel, told: vec![format!("multilevel {count}")] };
+    let mut contest =
+        Contest { surface, work, best: first, strategy: PartitionStrategy::Multilevel, told: vec![format!("multilevel {count}")] };
     let halved: usize = pieces.iter().map(|p| halvings(p, spec)).sum();
     if long > 0 && handles == 0 {
         if most_gain(halved) > LEAST_GAIN {
@@ -60,13 +62,15 @@ pub(super) fn automatic(surface: &Surface<'_>, spec: &PartitionSpec, work: &Work
 }
 
 /// The best partition so far and what is told of all.
-struct Contest {
+struct Contest<'a> {
+    surface: &'a Surface<'a>,
+    work: &'a Work<'a>,
     best: Partition,
     strategy: PartitionStrategy,
     told: Vec<String>,
 }
 
-impl Contest {
+impl Contest<'_> {
     fn enter(&mut self, strategy: PartitionStrategy, name: &str, trial: Result<Partition>) -> Result<()> {
         let trial = match trial {
             Ok(trial) => trial,
@@ -82,8 +86,9 @@ impl Contest {
             return Ok(());
         }
         self.told.push(format!("{name} {}", trial.patches.len()));
-        let score = |p: &Partition| (p.patches.len(), p.patches.iter().map(|s| s.border_length).sum::<f64>());
-        if score(&trial) < score(&self.best) {
+        let (count, least) = (trial.patches.len(), self.best.patches.len());
+        let expected = |p: &Partition| expected_charts(self.surface, p, self.work);
+        if count < least || count == least && expected(&trial)? < expected(&self.best)? {
             (self.best, self.strategy) = (trial, strategy);
         }
         Ok(())

@@ -1,39 +1,49 @@
 //! The one file that ties stage functions to stage keys, in the order of the pipeline. In a plan, a stage that is not cached is
 //! recorded as "will run" and nothing below it is looked at.
 
+mod charts;
 mod edits;
+mod lengths;
+mod meshes;
+mod quads;
 mod quality;
+mod sizes;
 
-pub(super) use quality::{compare_step, quality_step};
+pub(super) use charts::preview_step;
+pub(super) use lengths::{Wanted, metric_step};
+pub(super) use meshes::lifted_step;
+pub(super) use quads::triangle_sizes;
+pub(super) use quality::{compare_step, quality_step, result_sizes};
+pub(super) use sizes::size_step;
 
-use super::context::{Context, Halt, Step};
+use super::context::{Context, Step};
 use super::kept::Kept;
-use super::naming::{on_surface, refusal};
 use super::patch_set::PatchSet;
 use super::{Charts, Layout, Partitioned, Remesh, Surface};
-use crate::assemble::{Assembled, assemble};
+use crate::assemble::Assembled;
 use crate::bvh::TriangleBvh;
-use crate::curve::{CurveMesh, CurvePolyline, PatchCurve, curve_polyline, mesh_curve, patch_curves, trace_curves};
+use crate::curve::{patch_curves, trace_curves};
 use crate::cut::{CutSurface, cut_along_borders};
 use crate::error::{EngineError, Reason, Result};
 use crate::features::{Features, detect_features};
 use crate::fingerprint::Contents;
 use crate::import::{ImportOptions, Imported, import_arrays, import_mesh};
 use crate::mesh::SurfaceMesh;
-use crate::optimize::{Interiors, optimize_patch, optimize_surface};
-use crate::parametrize::{
-    BoundaryFactor, ChartFactor, ChartOutcome, ChartSpec, ChartSystem, MapSpec, ProblemSpec, SolvedMap, Weights, candidate_maps, conclude,
-    factor_boundary, factor_system, next_map, plan_system, solve_map, unsolved_map,
-};
+use crate::metric::SurfaceMetric;
+use crate::optimize::{Interiors, Remeshed, optimize_in_metric, optimize_surface};
+use crate::parametrize::ChartOutcome;
 use crate::partition::{BorderSmoothing, Partition, partition_surface, patch_identities, split_patches};
-use crate::patch::{PatchMap, extract_patches};
-use crate::planar::{CurveUse, LiftedPatch, PlanarMesh, VertexOrigin, lift, mesh_chart};
+use crate::patch::extract_patches;
+use crate::planar::Mesher;
 use crate::regions::{RegionFreedom, assign_regions};
 use crate::sample;
 use crate::session::{MeshSource, Snapshot};
-use crate::sizing::{SizeField, evaluate_size};
+use crate::sizing::SizeField;
 use crate::stage::{Stage, StageKey, Stored, Subject};
 use crate::topology::Topology;
+use charts::spec_and_chart_step;
+use meshes::assembly_step;
+use quads::quads_step;
 use std::sync::Arc;
 
 /// Largest number of times patches without a usable chart are split.
@@ -218,246 +228,11 @@ fn mapped_step(
         .into())
 }
 
-/// The chart of a patch under its own specification or that of the session. The inner error says that the specification gives none.
-fn spec_and_chart_step(
-    context: &Context<'_>,
-    snapshot: &Snapshot,
-    surface: &Surface,
-    patches: &PatchSet,
-    p: usize,
-) -> Step<Result<Stored<ChartOutcome>>> {
-    let Some(own) = snapshot.patch_charts.get(&patches.identities[p]) else {
-        let chart = chart_step(context, &snapshot.chart, patches, p)?;
-        return Ok(match refusal(&chart, patches, p) {
-            Some(error) => Err(error),
-            None => Ok(chart),
-        });
-    };
-    let spec = match own.localised(&patches.patches[p].2, &surface.imported.mesh.positions) {
-        Ok(spec) => spec,
-        Err(error) => return Ok(Err(error)),
-    };
-    match chart_step(context, &spec, patches, p) {
-        Ok(chart) => match &*chart.value {
-            ChartOutcome::Mapped(_) => Ok(Ok(chart)),
-            ChartOutcome::Refused(error) => Ok(Err(refusal(&chart, patches, p).unwrap_or_else(|| error.clone()))),
-            ChartOutcome::MustSplit { reason, .. } => {
-                let message = format!("patch {p} has no usable chart under its own specification: {reason}");
-                Ok(Err(EngineError::new(Reason::ChartFailed, message)
-                    .with_hint("take the specification of the patch back, so that it can be split")
-                    .with_metadata("patch", p)))
-            }
-        },
-        Err(Halt::Error(error)) if !error.stops_work() => Ok(Err(error.with_metadata("patch", p))),
-        Err(halt) => Err(halt),
-    }
-}
-
-/// The chart a patch would have under another specification (vertices of the imported mesh), and the maps that were tried for it.
-pub(super) fn preview_step(
-    context: &Context<'_>,
-    layout: &Layout,
-    p: usize,
-    spec: &ChartSpec,
-) -> Step<(Stored<ChartOutcome>, Vec<Stored<SolvedMap>>)> {
-    let map = &layout.patches.patches[p].2;
-    let spec = spec.localised(map, &layout.surface.imported.mesh.positions)?;
-    let chart = chart_step(context, &spec, &layout.patches, p)?;
-    let tried = tried_maps(context, &spec, &layout.patches, p).map_err(|halt| on_surface(halt, map))?;
-    Ok((chart, tried))
-}
-
-/// `spec` has local vertices; errors name elements of the surface.
-fn chart_step(context: &Context<'_>, spec: &ChartSpec, patches: &PatchSet, p: usize) -> Step<Stored<ChartOutcome>> {
-    let (patch, fingerprint, map) = &patches.patches[p];
-    let key = StageKey::new(Stage::Chart, |f| {
-        f.fingerprint(*fingerprint).text(&format!("{spec:?}"));
-    });
-    let tried = || tried_maps(context, spec, patches, p);
-    context.staged(key, Subject::Patch(p as u32), tried, |tried, _| Ok(conclude(patch, spec, &tried))).map_err(|halt| on_surface(halt, map))
-}
-
-/// The maps of a patch up to the first that can be used.
-fn tried_maps(context: &Context<'_>, spec: &ChartSpec, patches: &PatchSet, p: usize) -> Step<Vec<Stored<SolvedMap>>> {
-    let maps = candidate_maps(&patches.patches[p].0, spec)?;
-    let mut tried = Vec::new();
-    while let Some(map) = next_map(&maps, &tried) {
-        tried.push(solve_step(context, map, patches, p)?);
-    }
-    Ok(tried)
-}
-
-fn solve_step(context: &Context<'_>, map: &MapSpec, patches: &PatchSet, p: usize) -> Step<Stored<SolvedMap>> {
-    let (patch, fingerprint, _) = &patches.patches[p];
-    let key = StageKey::new(Stage::Solve, |f| {
-        f.fingerprint(*fingerprint).text(&format!("{map:?}"));
-    });
-    let problem = map.problem();
-    let factors = || -> Step<Result<(Option<Stored<Kept<ChartFactor>>>, Stored<Kept<BoundaryFactor>>)>> {
-        // An operator that cannot be factorized is the end of this map, not of the chart.
-        let interior = match problem.family.interior().map(|weights| factor_step(context, weights, patches, p)).transpose() {
-            Ok(interior) => interior,
-            Err(halt) => return one_map_fails(halt),
-        };
-        match boundary_step(context, problem, patches, p) {
-            Ok(boundary) => Ok(Ok((interior, boundary))),
-            Err(halt) => one_map_fails(halt),
-        }
-    };
-    context.staged(key, Subject::Patch(p as u32), factors, |factors, work| match factors {
-        Ok((interior, boundary)) => solve_map(patch, interior.as_ref().map(|f| &f.value.output), &boundary.value.output, map, work),
-        Err(error) => Ok(unsolved_map(map, &error)),
-    })
-}
-
-fn one_map_fails<T>(halt: Halt) -> Step<Result<T>> {
-    match halt {
-        Halt::Error(error) if error.fails_one_map() => Ok(Err(error)),
-        halt => Err(halt),
-    }
-}
-
-fn boundary_step(context: &Context<'_>, problem: ProblemSpec, patches: &PatchSet, p: usize) -> Step<Stored<Kept<BoundaryFactor>>> {
-    let (patch, fingerprint, _) = &patches.patches[p];
-    // Mean value has no interior to share: its one factorization is the dear one.
-    let stage = if problem.family.interior().is_some() { Stage::Boundary } else { Stage::Factor };
-    let key = StageKey::new(stage, |f| {
-        f.fingerprint(*fingerprint).text(&format!("{problem:?}"));
-    });
-    let of = key.input;
-    let interior = || problem.family.interior().map(|weights| factor_step(context, weights, patches, p)).transpose();
-    context.staged(key, Subject::Patch(p as u32), interior, |interior, work| {
-        let factor = factor_boundary(patch, interior.as_ref().map(|f| &f.value.output), problem, work)?;
-        Ok(Kept { bytes: factor.bytes(), output: factor, of })
-    })
-}
-
-fn factor_step(context: &Context<'_>, weights: Weights, patches: &PatchSet, p: usize) -> Step<Stored<Kept<ChartFactor>>> {
-    let (patch, fingerprint, _) = &patches.patches[p];
-    let key = StageKey::new(Stage::Factor, |f| {
-        f.fingerprint(*fingerprint).text(&format!("{weights:?}"));
-    });
-    let of = key.input;
-    context.staged(
-        key,
-        Subject::Patch(p as u32),
-        || system_step(context, patches, p),
-        |system, work| {
-            let factor = factor_system(patch, &system.value.output, weights, work)?;
-            Ok(Kept { bytes: factor.bytes(), output: factor, of })
-        },
-    )
-}
-
-/// Keyed by connectivity only, so that it outlives moved vertices.
-fn system_step(context: &Context<'_>, patches: &PatchSet, p: usize) -> Step<Stored<Kept<ChartSystem>>> {
-    let (patch, ..) = &patches.patches[p];
-    let key = StageKey::new(Stage::System, |f| {
-        f.u64(patch.positions.len() as u64).tuples(&patch.triangles);
-    });
-    let of = key.input;
-    context.stage(key, Subject::Patch(p as u32), |work| {
-        let factor = plan_system(patch, work)?;
-        Ok(Kept { bytes: factor.bytes(), output: factor, of })
-    })
-}
-
-pub(super) fn size_step(context: &Context<'_>, snapshot: &Snapshot, charts: &Charts) -> Step<Stored<SizeField>> {
-    let spec = snapshot.size.as_ref().ok_or_else(|| {
-        EngineError::bad_parameter("size", "no size is set")
-            .with_hint("set a uniform size, a triangle count, per-vertex sizes or a graded field")
-    })?;
-    let key = StageKey::new(Stage::Size, |f| {
-        f.fingerprint(charts.surface.imported.output).fingerprint(charts.features.output).text(&format!("{spec:?}"));
-    });
-    let surface = &charts.surface;
-    context.stage(key, Subject::Surface, |work| evaluate_size(&surface.imported.mesh, &surface.topology, &charts.features, spec, work))
-}
-
-/// Lifted meshes of patches and the curve meshes they share.
-pub(super) struct Lifted {
-    curves: Vec<Option<Stored<CurveMesh>>>,
-    /// One for each listed patch, in the order listed.
-    pub(super) lifted: Vec<Stored<LiftedPatch>>,
-}
-
-pub(super) fn lifted_step(context: &Context<'_>, snapshot: &Snapshot, charts: &Charts, sizes: &SizeField, listed: &[u32]) -> Step<Lifted> {
-    let patches = &charts.patches;
-    let mut wanted: Vec<usize> = listed.iter().flat_map(|&p| patches.uses[p as usize].iter().map(|u| u.curve as usize)).collect();
-    wanted.sort_unstable();
-    wanted.dedup();
-    // Sizes at the vertices of the surface that the patches are cut out of.
-    let split_sizes = charts.cut.as_ref().map(|cut| cut.at_vertices(&sizes.vertex_size));
-    let vertex_size = split_sizes.as_deref().unwrap_or(&sizes.vertex_size);
-    let meshed = context.each(&wanted, |c| curve_step(context, charts, vertex_size, c))?;
-    let mut curves = vec![None; patches.network.curves.len()];
-    for (c, mesh) in wanted.into_iter().zip(meshed) {
-        curves[c] = Some(mesh);
-    }
-    let order = largest_first(patches, listed.iter().map(|&p| p as usize));
-    let by_patch = context.each(&order, |p| lift_step(context, snapshot, charts, vertex_size, &curves, p))?;
-    // `each` gives results by increasing patch; hand them out in the order asked for.
-    let mut sorted: Vec<u32> = listed.to_vec();
-    sorted.sort_unstable();
-    let lifted = listed.iter().map(|p| by_patch[sorted.partition_point(|q| q < p)].clone()).collect();
-    Ok(Lifted { curves, lifted })
-}
-
-fn curve_step(context: &Context<'_>, charts: &Charts, vertex_size: &[f64], c: usize) -> Step<Stored<CurveMesh>> {
-    let (mesh, topology) = charts.ground();
-    let curve = &charts.patches.network.curves[c];
-    let polyline: CurvePolyline = curve_polyline(mesh, topology, curve, vertex_size);
-    let key = StageKey::new(Stage::Curve, |f| polyline.feed(f));
-    context.stage(key, Subject::Curve(c as u32), |work| mesh_curve(&polyline, work))
-}
-
-fn lift_step(
-    context: &Context<'_>,
-    snapshot: &Snapshot,
-    charts: &Charts,
-    vertex_size: &[f64],
-    curves: &[Option<Stored<CurveMesh>>],
-    p: usize,
-) -> Step<Stored<LiftedPatch>> {
-    let (patch, fingerprint, map) = &charts.patches.patches[p];
-    let subject = Subject::Patch(p as u32);
-    let chart = charts.chart(p).ok_or_else(|| EngineError::invariant(format!("patch {p} has no chart")))?;
-    let local_size: Vec<f64> = map.vertices.iter().map(|&v| vertex_size[v as usize]).collect();
-    let uses = &charts.patches.uses[p];
-    let mut meshes = Vec::with_capacity(uses.len());
-    for used in uses {
-        let mesh = curves[used.curve as usize].as_ref();
-        meshes.push(mesh.ok_or_else(|| EngineError::invariant(format!("curve {} is not meshed", used.curve)))?);
-    }
-    // Curves are numbered by their place in `uses`, so that the key holds contents only.
-    let local_uses: Vec<CurveUse<'_>> = uses
-        .iter()
-        .zip(&meshes)
-        .enumerate()
-        .map(|(place, (used, mesh))| CurveUse { path: used.path.clone(), mesh: &mesh.value, curve: place as u32 })
-        .collect();
-    let key = StageKey::new(Stage::Planar, |f| {
-        f.fingerprint(*fingerprint).fingerprint(charts.charts[p].output).f64s(&local_size).text(&format!("{:?}", snapshot.mesher));
-        for (used, mesh) in uses.iter().zip(&meshes) {
-            f.u32s(&used.path).fingerprint(mesh.output);
-        }
-    });
-    let planar: Stored<PlanarMesh> =
-        context.stage(key, subject, |work| mesh_chart(patch, chart, &local_uses, &local_size, snapshot.mesher, work))?;
-    let key = StageKey::new(Stage::Lift, |f| {
-        f.fingerprint(key.input).fingerprint(planar.output);
-    });
-    let lifted: Stored<LiftedPatch> = context.stage(key, subject, |_| Ok(lift(patch, &planar, &local_uses)))?;
-    let spec = &snapshot.optimize;
-    let key = StageKey::new(Stage::Interior, |f| {
-        f.fingerprint(*fingerprint).fingerprint(lifted.output).f64s(&local_size).text(&format!("{spec:?}"));
-    });
-    context.stage(key, subject, |work| optimize_patch(patch, &lifted, &local_size, spec, work))
-}
-
 pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Remesh> {
-    let below_charts = [Stage::Assembly, Stage::Optimize];
-    let charts = charts_step(context, snapshot).map_err(|halt| context.and_below(halt, &below_charts, &[]))?;
+    let quads = snapshot.mesher.quads();
+    let whole = [Stage::Assembly, Stage::Optimize, Stage::Quads];
+    let below_charts = &whole[..if quads.is_some() { 3 } else { 2 }];
+    let charts = charts_step(context, snapshot).map_err(|halt| context.and_below(halt, below_charts, &[]))?;
     // Looked at before anything below it can halt a plan.
     let tree = search_tree_step(context, &charts.surface.imported);
     let patches = (0..charts.charts.len() as u32).map(Subject::Patch);
@@ -465,13 +240,45 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
     let each: Vec<(Stage, Subject)> = curves
         .map(|c| (Stage::Curve, c))
         .chain(patches.flat_map(|p| [(Stage::Planar, p), (Stage::Lift, p), (Stage::Interior, p)]))
+        .filter(|(stage, _)| *stage != Stage::Interior || snapshot.mesher != Mesher::Anisotropic)
         .collect();
-    let below = |halt| context.and_below(halt, &below_charts, &each);
-    let sizes = size_step(context, snapshot, &charts).map_err(below)?;
+    let below = |halt| context.and_below(halt, below_charts, &each);
+    let wanted = size_step(context, snapshot, &charts).map_err(below)?;
+    let sizes = triangle_sizes(snapshot, &wanted)?;
     let all: Vec<u32> = (0..charts.charts.len() as u32).collect();
-    let meshes = lifted_step(context, snapshot, &charts, &sizes, &all).map_err(below)?;
+    let metric = metric_step(context, snapshot, &charts, &sizes).map_err(below)?;
+    let lengths = Wanted::new(&sizes, metric.as_deref());
+    let meshes = lifted_step(context, snapshot, &charts, lengths, &all).map_err(below)?;
     let tree = tree.map_err(below)?;
-    let assembled = assembly_step(context, &charts, &meshes).map_err(below)?;
+    let assembled = assembly_step(context, &charts, &sizes, &meshes).map_err(below)?;
+    let parts = Joined { charts: &charts, sizes: &sizes, metric: metric.as_ref(), assembled: &assembled };
+    let result = optimize_step(context, snapshot, &tree, &parts);
+    let result = match quads {
+        None => result?,
+        Some(kind) => {
+            let base = result.map_err(|halt| context.and_below(halt, &[Stage::Quads], &[]))?;
+            quads_step(context, &charts, &tree, &base, &wanted, kind)?
+        }
+    };
+    Ok(Remesh { charts, sizes: wanted, metric, assembled, result })
+}
+
+/// What the optimisation is done to.
+struct Joined<'a> {
+    charts: &'a Charts,
+    /// For the triangles, be they of quadrangles.
+    sizes: &'a Stored<SizeField>,
+    metric: Option<&'a Stored<SurfaceMetric>>,
+    assembled: &'a Stored<Assembled>,
+}
+
+fn optimize_step(
+    context: &Context<'_>,
+    snapshot: &Snapshot,
+    tree: &Stored<Kept<TriangleBvh>>,
+    parts: &Joined<'_>,
+) -> Step<Stored<Remeshed>> {
+    let Joined { charts, sizes, metric, assembled } = parts;
     let spec = &snapshot.optimize;
     let freedom = RegionFreedom::new(&charts.features.compounds, snapshot.features.region_borders);
     let key = StageKey::new(Stage::Optimize, |f| {
@@ -479,44 +286,20 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
         if !freedom.is_none() {
             f.u32s(&freedom.groups());
         }
+        if let Some(metric) = metric {
+            f.fingerprint(metric.output);
+        }
     });
     let input = &charts.surface.imported.mesh;
-    let result = context.stage(key, Subject::Surface, |work| {
-        let mut result = optimize_surface(input, &tree.value.output, &assembled, Interiors::Optimized, &sizes, spec, work)?;
+    context.stage(key, Subject::Surface, |work| {
+        let mut result = match metric {
+            None => optimize_surface(input, &tree.value.output, assembled, Interiors::Optimized, sizes, spec, work)?,
+            Some(metric) => optimize_in_metric(input, &tree.value.output, assembled, metric, spec, work)?,
+        };
         let (mesh, fixed) = (&mut result.mesh, &result.curve_edges);
         result.lost_regions = assign_regions(input, &tree.value.output, mesh, fixed, freedom, work)?;
         Ok(result)
-    })?;
-    Ok(Remesh { charts, sizes, assembled, result })
-}
-
-fn assembly_step(context: &Context<'_>, charts: &Charts, meshes: &Lifted) -> Step<Stored<Assembled>> {
-    let key = StageKey::new(Stage::Assembly, |f| {
-        f.fingerprint(charts.patches.output).fingerprint(charts.features.output);
-        for lifted in &meshes.lifted {
-            f.fingerprint(lifted.output);
-        }
-    });
-    context.stage(key, Subject::Surface, |_| {
-        let curve_meshes: Vec<Arc<CurveMesh>> =
-            meshes.curves.iter().map(|c| c.as_ref().map_or_else(Arc::default, |mesh| mesh.value.clone())).collect();
-        let numbered: Vec<(Arc<LiftedPatch>, &PatchMap)> = (0..meshes.lifted.len())
-            .map(|p| (Arc::new(with_network_numbers(&meshes.lifted[p], &charts.patches.uses[p])), &*charts.patches.patches[p].2))
-            .collect();
-        let topology = charts.ground().1;
-        assemble(&charts.surface.imported.mesh, topology, &charts.features.corners, &charts.patches.network, &curve_meshes, &numbered)
     })
-}
-
-/// Curve numbers of the network instead of places in the patch's own list.
-fn with_network_numbers(lifted: &LiftedPatch, uses: &[PatchCurve]) -> LiftedPatch {
-    let mut copy = lifted.clone();
-    for origin in &mut copy.origins {
-        if let VertexOrigin::Curve { curve, .. } = origin {
-            *curve = uses[*curve as usize].curve;
-        }
-    }
-    copy
 }
 
 fn search_tree_step(context: &Context<'_>, imported: &Stored<Imported>) -> Step<Stored<Kept<TriangleBvh>>> {

@@ -42,7 +42,8 @@ impl Domain<'_> {
     }
 }
 
-fn minus(a: Vec2, b: Vec2) -> Vec2 {
+#[inline]
+pub(super) fn minus(a: Vec2, b: Vec2) -> Vec2 {
     [a[0] - b[0], a[1] - b[1]]
 }
 
@@ -56,6 +57,20 @@ pub(super) fn edge_length(mesh: &Triangulation, a: u32, b: u32) -> f64 {
     0.5 * (length(mesh.metric[a as usize], e) + length(mesh.metric[b as usize], e))
 }
 
+/// Circumcentre of a triangle in a metric; `None` if it is flat.
+pub(super) fn circumcentre(c: [Vec2; 3], m: Metric) -> Option<Vec2> {
+    let (e, f) = (minus(c[1], c[0]), minus(c[2], c[0]));
+    let (ee, ff) = (0.5 * inner(m, e, e), 0.5 * inner(m, f, f));
+    // <e, x> = ee and <f, x> = ff in the metric.
+    let (r, s) = ([m[0] * e[0] + m[1] * e[1], m[1] * e[0] + m[2] * e[1]], [m[0] * f[0] + m[1] * f[1], m[1] * f[0] + m[2] * f[1]]);
+    let det = r[0] * s[1] - r[1] * s[0];
+    if det.abs() <= f64::MIN_POSITIVE {
+        return None;
+    }
+    let x = [(ee * s[1] - ff * r[1]) / det, (r[0] * ff - s[0] * ee) / det];
+    Some([c[0][0] + x[0], c[0][1] + x[1]])
+}
+
 struct Front<'a> {
     domain: &'a Domain<'a>,
     mesh: &'a mut Triangulation,
@@ -67,21 +82,25 @@ struct Front<'a> {
 }
 
 impl Front<'_> {
-    /// Circumradius in the metric at the vertices, or at the centroid if it is larger there.
+    /// Circumradius in the metric at the vertices, or, if that is good, at the centroid if it is larger there.
     fn radius(&self, t: u32) -> f64 {
         let v = self.mesh.tri[t as usize];
         let c = self.mesh.corners(t);
         let area = 0.5 * area2(c[0], c[1], c[2]);
-        let e = [minus(c[2], c[1]), minus(c[0], c[2]), minus(c[1], c[0])];
         let of = |l: [f64; 3], density: f64| {
             let below = 4.0 * area * density;
             if below > 0.0 { l[0] * l[1] * l[2] / below } else { f64::MAX }
         };
         let l = [edge_length(self.mesh, v[1], v[2]), edge_length(self.mesh, v[2], v[0]), edge_length(self.mesh, v[0], v[1])];
         let mean = v.iter().map(|&v| density(self.mesh.metric[v as usize])).sum::<f64>() / 3.0;
+        let by_vertices = of(l, mean);
+        if by_vertices > GOOD_RADIUS {
+            return by_vertices;
+        }
         let centroid = [0, 1].map(|k| (c[0][k] + c[1][k] + c[2][k]) / 3.0);
         let (_, m) = self.domain.sample(centroid, self.points[v[0] as usize].face);
-        of(l, mean).max(of(e.map(|e| length(m, e)), density(m)))
+        let e = [minus(c[2], c[1]), minus(c[0], c[2]), minus(c[1], c[0])];
+        by_vertices.max(of(e.map(|e| length(m, e)), density(m)))
     }
 
     fn renew(&mut self, t: u32) {
@@ -174,20 +193,6 @@ impl Front<'_> {
         true
     }
 
-    fn circumcentre(&self, t: u32, m: Metric) -> Option<Vec2> {
-        let c = self.mesh.corners(t);
-        let (e, f) = (minus(c[1], c[0]), minus(c[2], c[0]));
-        let (ee, ff) = (0.5 * inner(m, e, e), 0.5 * inner(m, f, f));
-        // <e, x> = ee and <f, x> = ff in the metric.
-        let (r, s) = ([m[0] * e[0] + m[1] * e[1], m[1] * e[0] + m[2] * e[1]], [m[0] * f[0] + m[1] * f[1], m[1] * f[0] + m[2] * f[1]]);
-        let det = r[0] * s[1] - r[1] * s[0];
-        if det.abs() <= f64::MIN_POSITIVE {
-            return None;
-        }
-        let x = [(ee * s[1] - ff * r[1]) / det, (r[0] * ff - s[0] * ee) / det];
-        Some([c[0][0] + x[0], c[0][1] + x[1]])
-    }
-
     /// Works on an active triangle; marks it good if no point can be put.
     fn advance(&mut self, t: u32, touched: &mut Vec<u32>) {
         let vertices = self.mesh.tri[t as usize];
@@ -204,7 +209,7 @@ impl Front<'_> {
             }
         }
         let mean = std::array::from_fn(|k| vertices.iter().map(|&v| self.mesh.metric[v as usize][k]).sum::<f64>() / 3.0);
-        if self.try_point(t, |s, at| s.circumcentre(t, at.unwrap_or(mean)), touched) {
+        if self.try_point(t, |s, at| circumcentre(s.mesh.corners(t), at.unwrap_or(mean)), touched) {
             return;
         }
         self.good[t as usize] = true;

@@ -5,8 +5,11 @@ use super::SurfacePoint;
 use crate::patch::Patch;
 use crate::topology::Topology;
 use crate::vector::Vec2;
+use std::cell::OnceCell;
 
 const LEAF: usize = 4;
+/// A point this far outside a face, by barycentric coordinates, that came in over that edge is on it.
+const ROUNDING: f64 = 1e-9;
 
 struct Node {
     low: Vec2,
@@ -16,13 +19,19 @@ struct Node {
     count: u32,
 }
 
+/// Boxes over the faces of a chart.
+struct Tree {
+    nodes: Vec<Node>,
+    order: Vec<u32>,
+}
+
 /// Finds the face of a chart that holds a point of the plane.
 pub(super) struct Locator<'a> {
     patch: &'a Patch,
     uv: &'a [Vec2],
     topology: &'a Topology,
-    nodes: Vec<Node>,
-    order: Vec<u32>,
+    /// Made when first a walk leaves the chart.
+    tree: OnceCell<Tree>,
 }
 
 /// Twice the signed area.
@@ -57,26 +66,7 @@ fn closest(t: [Vec2; 3], p: Vec2) -> ([f64; 3], f64) {
     best
 }
 
-impl<'a> Locator<'a> {
-    pub(super) fn new(patch: &'a Patch, uv: &'a [Vec2], topology: &'a Topology) -> Self {
-        let mut locator = Locator { patch, uv, topology, nodes: Vec::new(), order: (0..patch.triangles.len() as u32).collect() };
-        let mut boxes: Vec<(Vec2, Vec2)> = Vec::with_capacity(locator.order.len());
-        for f in 0..patch.triangles.len() {
-            let t = locator.corners(f as u32);
-            let of = |pick: fn(f64, f64) -> f64| [0, 1].map(|k| pick(pick(t[0][k], t[1][k]), t[2][k]));
-            boxes.push((of(f64::min), of(f64::max)));
-        }
-        let count = locator.order.len();
-        if count > 0 {
-            locator.build(&boxes, 0, count);
-        }
-        locator
-    }
-
-    fn corners(&self, face: u32) -> [Vec2; 3] {
-        self.patch.triangles[face as usize].map(|v| self.uv[v as usize])
-    }
-
+impl Tree {
     fn build(&mut self, boxes: &[(Vec2, Vec2)], from: usize, to: usize) {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for &f in &self.order[from..to] {
@@ -100,6 +90,31 @@ impl<'a> Locator<'a> {
         self.nodes[me].first = self.nodes.len() as u32;
         self.build(boxes, middle, to);
     }
+}
+
+impl<'a> Locator<'a> {
+    pub(super) fn new(patch: &'a Patch, uv: &'a [Vec2], topology: &'a Topology) -> Self {
+        Locator { patch, uv, topology, tree: OnceCell::new() }
+    }
+
+    fn tree(&self) -> Tree {
+        let mut tree = Tree { nodes: Vec::new(), order: (0..self.patch.triangles.len() as u32).collect() };
+        let mut boxes: Vec<(Vec2, Vec2)> = Vec::with_capacity(tree.order.len());
+        for f in 0..self.patch.triangles.len() {
+            let t = self.corners(f as u32);
+            let of = |pick: fn(f64, f64) -> f64| [0, 1].map(|k| pick(pick(t[0][k], t[1][k]), t[2][k]));
+            boxes.push((of(f64::min), of(f64::max)));
+        }
+        let count = tree.order.len();
+        if count > 0 {
+            tree.build(&boxes, 0, count);
+        }
+        tree
+    }
+
+    fn corners(&self, face: u32) -> [Vec2; 3] {
+        self.patch.triangles[face as usize].map(|v| self.uv[v as usize])
+    }
 
     /// The face of the chart nearest to `p`, by the tree.
     fn nearest(&self, p: Vec2) -> SurfacePoint {
@@ -108,19 +123,20 @@ impl<'a> Locator<'a> {
             let d = [0, 1].map(|k| (n.low[k] - p[k]).max(p[k] - n.high[k]).max(0.0));
             d[0] * d[0] + d[1] * d[1]
         };
+        let tree = self.tree.get_or_init(|| self.tree());
         let mut stack = vec![0usize];
         while let Some(at) = stack.pop() {
-            let Some(node) = self.nodes.get(at) else { continue };
+            let Some(node) = tree.nodes.get(at) else { continue };
             if reach(node) >= best.1 {
                 continue;
             }
             if node.count == 0 {
                 let (left, right) = (at + 1, node.first as usize);
-                let left_first = reach(&self.nodes[left]) <= reach(&self.nodes[right]);
+                let left_first = reach(&tree.nodes[left]) <= reach(&tree.nodes[right]);
                 stack.extend(if left_first { [right, left] } else { [left, right] });
                 continue;
             }
-            for &face in &self.order[node.first as usize..(node.first + node.count) as usize] {
+            for &face in &tree.order[node.first as usize..(node.first + node.count) as usize] {
                 let (barycentric, distance) = closest(self.corners(face), p);
                 if distance < best.1 {
                     best = (SurfacePoint { face, barycentric }, distance);
@@ -133,20 +149,33 @@ impl<'a> Locator<'a> {
     /// The face at `p`, walking from `hint`; the nearest face if `p` is outside the chart.
     pub(super) fn locate(&self, p: Vec2, hint: u32) -> SurfacePoint {
         let mut face = hint;
+        // The edge the walk came in by need not be looked at: `p` is on this side of it.
+        let mut entry = usize::MAX;
         for _ in 0..256 {
             let t = self.corners(face);
-            let w = [area2(t[1], t[2], p), area2(t[2], t[0], p), area2(t[0], t[1], p)];
-            let worst = if w[0] <= w[1] && w[0] <= w[2] { 0 } else { 1 + usize::from(w[2] < w[1]) };
-            if w[worst] >= 0.0 {
+            let mut w = [0.0; 3];
+            let mut worst = usize::MAX;
+            for k in 0..3 {
+                w[k] = area2(t[(k + 1) % 3], t[(k + 2) % 3], p);
+                if w[k] < 0.0 && k != entry && (worst == usize::MAX || w[k] < w[worst]) {
+                    worst = k;
+                }
+            }
+            if worst == usize::MAX {
                 let sum = w[0] + w[1] + w[2];
-                if sum > 0.0 {
+                if sum > 0.0 && w.iter().all(|x| *x >= -ROUNDING * sum) {
+                    let w = w.map(|x| x.max(0.0));
+                    let sum = w[0] + w[1] + w[2];
                     return SurfacePoint { face, barycentric: w.map(|x| x / sum) };
                 }
                 break;
             }
             // Across the edge opposite the corner of the most negative weight.
             match self.topology.twin(3 * face + (worst as u32 + 1) % 3) {
-                Some(twin) => face = self.topology.face(twin),
+                Some(twin) => {
+                    face = self.topology.face(twin);
+                    entry = (twin as usize + 2) % 3;
+                }
                 None => break,
             }
         }

@@ -1,9 +1,11 @@
-//! The metric of the map (P1 eq. 2) divided by the squared size: lengths in it are numbers of elements.
+//! The metric of the map (P1 eq. 2) divided by the squared size, or a tensor of the surface pulled back through the map: lengths in it
+//! are numbers of elements.
 
 use super::SurfacePoint;
 use super::locate::{Locator, area2};
+use crate::metric::tensor::{self, Sym3};
 use crate::patch::Patch;
-use crate::vector::{Vec2, distance, dot, sub, triangle_area};
+use crate::vector::{Vec2, Vec3, distance, dot, sub, triangle_area};
 
 /// A symmetric positive 2 x 2 matrix `[[m0, m1], [m1, m2]]`.
 pub(super) type Metric = [f64; 3];
@@ -26,8 +28,16 @@ pub(super) fn density(m: Metric) -> f64 {
     (m[0] * m[2] - m[1] * m[1]).max(0.0).sqrt()
 }
 
-/// What is interpolated in the chart: the pull-back metric and the size, at each vertex.
-pub(super) struct MetricField {
+/// What is interpolated in the chart.
+pub(super) enum MetricField {
+    /// The same length in all directions on the surface.
+    Sized(SizedField),
+    /// A tensor on the surface.
+    Tensor(TensorField),
+}
+
+/// The pull-back metric and the size at each vertex.
+pub(super) struct SizedField {
     /// `[m0, m1, m2, size]` at the vertices.
     values: Vec<[f64; 4]>,
     /// Metric of each face and the weight it has against the interpolated one, from 0 (the face is small against the size) to 1.
@@ -47,8 +57,8 @@ fn face_weight(patch: &Patch, face: usize, sizes: &[f64]) -> f64 {
     if weight.is_finite() { weight.clamp(0.0, 1.0) } else { 0.0 }
 }
 
-/// Metric tensor of the inverse map on a face: `(dx/du)^T (dx/du)`.
-fn face_metric(patch: &Patch, uv: &[Vec2], face: usize) -> Option<(Metric, f64)> {
+/// Columns of the inverse map on a face, `dx/du` and `dx/dv`, and twice its area in the chart.
+fn face_columns(patch: &Patch, uv: &[Vec2], face: usize) -> Option<([Vec3; 2], f64)> {
     let t = patch.triangles[face].map(|v| v as usize);
     let [a, b, c] = t.map(|v| uv[v]);
     let area = area2(a, b, c);
@@ -58,7 +68,13 @@ fn face_metric(patch: &Patch, uv: &[Vec2], face: usize) -> Option<(Metric, f64)>
     let (e, f) = (sub(patch.positions[t[1]], patch.positions[t[0]]), sub(patch.positions[t[2]], patch.positions[t[0]]));
     // Rows of the inverse of [b - a, c - a].
     let inverse = [[(c[1] - a[1]) / area, -(c[0] - a[0]) / area], [-(b[1] - a[1]) / area, (b[0] - a[0]) / area]];
-    let x: [[f64; 3]; 2] = std::array::from_fn(|j| std::array::from_fn(|k| e[k] * inverse[0][j] + f[k] * inverse[1][j]));
+    let x: [Vec3; 2] = std::array::from_fn(|j| std::array::from_fn(|k| e[k] * inverse[0][j] + f[k] * inverse[1][j]));
+    x.as_flattened().iter().all(|v| v.is_finite()).then_some((x, area))
+}
+
+/// Metric tensor of the inverse map on a face: `(dx/du)^T (dx/du)`.
+fn face_metric(patch: &Patch, uv: &[Vec2], face: usize) -> Option<(Metric, f64)> {
+    let (x, area) = face_columns(patch, uv, face)?;
     let m = [dot(x[0], x[0]), dot(x[0], x[1]), dot(x[1], x[1])];
     m.iter().all(|v| v.is_finite()).then_some((m, area))
 }
@@ -81,10 +97,10 @@ fn least_areas(patch: &Patch, uv: &[Vec2]) -> impl Fn(usize) -> f64 {
     move |f| SQUEEZED * ratio * surface(f)
 }
 
-impl MetricField {
+impl SizedField {
     /// Metrics of the faces averaged to the vertices by chart area, so that for a conformal map the metric at a vertex is the
     /// ratio of areas around it.
-    pub(super) fn new(patch: &Patch, uv: &[Vec2], sizes: &[f64]) -> MetricField {
+    fn new(patch: &Patch, uv: &[Vec2], sizes: &[f64]) -> SizedField {
         let mut values = vec![[0.0; 4]; patch.positions.len()];
         let mut weight = vec![0.0; values.len()];
         let mut faces = vec![[0.0; 4]; patch.triangles.len()];
@@ -109,15 +125,84 @@ impl MetricField {
             }
             m[3] = sizes[v];
         }
-        MetricField { values, faces }
+        SizedField { values, faces }
     }
 
     /// The metric over squared size at a point of the chart.
     #[inline]
-    pub(super) fn at(&self, locator: &Locator<'_>, point: &SurfacePoint) -> Metric {
+    fn at(&self, locator: &Locator<'_>, point: &SurfacePoint) -> Metric {
         let [a, b, c, size] = locator.at(point, &self.values);
         let [x, y, z, w] = self.faces[point.face as usize];
         let s = 1.0 / (size * size);
         [s * (a + w * (x - a)), s * (b + w * (y - b)), s * (c + w * (z - c))]
+    }
+}
+
+/// Logarithms of the pulled-back tensors: what is linear between the vertices.
+pub(super) struct TensorField {
+    values: Vec<[f64; 3]>,
+    /// Of large faces, whose own map counts: the logarithms at their corners and the weight against the smoothed ones.
+    faces: Vec<Option<([Metric; 3], f64)>>,
+}
+
+impl TensorField {
+    /// Each corner's tensor is pulled back through the map of its face; at a vertex the logarithms are averaged by chart area.
+    fn new(patch: &Patch, uv: &[Vec2], sizes: &[f64], corners: &[[Sym3; 3]]) -> TensorField {
+        let mut values = vec![[0.0; 3]; patch.positions.len()];
+        let mut weight = vec![0.0; values.len()];
+        let mut faces = vec![None; patch.triangles.len()];
+        let least = least_areas(patch, uv);
+        for (f, corners) in corners.iter().enumerate() {
+            let Some((x, area)) = face_columns(patch, uv, f).filter(|x| x.1 > least(f)) else { continue };
+            let logs = corners.map(|t| tensor::log(pulled_back(&t, &x)));
+            if logs.as_flattened().iter().any(|v| !v.is_finite()) {
+                continue;
+            }
+            let share = face_weight(patch, f, sizes);
+            faces[f] = (share > 0.0).then_some((logs, share));
+            for (k, &v) in patch.triangles[f].iter().enumerate() {
+                (0..3).for_each(|i| values[v as usize][i] += area * logs[k][i]);
+                weight[v as usize] += area;
+            }
+        }
+        for (value, weight) in values.iter_mut().zip(weight).filter(|x| x.1 > 0.0) {
+            value.iter_mut().for_each(|x| *x /= weight);
+        }
+        TensorField { values, faces }
+    }
+
+    #[inline]
+    fn at(&self, locator: &Locator<'_>, point: &SurfacePoint) -> Metric {
+        let smooth = locator.at(point, &self.values);
+        let Some((logs, share)) = self.faces[point.face as usize] else { return tensor::exp(smooth) };
+        let own = |i: usize| (0..3).map(|k| point.barycentric[k] * logs[k][i]).sum::<f64>();
+        tensor::exp([0, 1, 2].map(|i| smooth[i] + share * (own(i) - smooth[i])))
+    }
+}
+
+/// What a tensor in space says of the plane: `X^T T X` for the columns `X` of the inverse map.
+fn pulled_back(t: &Sym3, x: &[Vec3; 2]) -> Metric {
+    let row = |b: Vec3| {
+        [t[0] * b[0] + t[1] * b[1] + t[2] * b[2], t[1] * b[0] + t[3] * b[1] + t[4] * b[2], t[2] * b[0] + t[4] * b[1] + t[5] * b[2]]
+    };
+    [dot(x[0], row(x[0])), dot(x[0], row(x[1])), dot(x[1], row(x[1]))]
+}
+
+impl MetricField {
+    /// The field of a size, or of tensors at the corners of the faces.
+    pub(super) fn new(patch: &Patch, uv: &[Vec2], sizes: &[f64], tensors: Option<&[[Sym3; 3]]>) -> MetricField {
+        match tensors {
+            None => MetricField::Sized(SizedField::new(patch, uv, sizes)),
+            Some(corners) => MetricField::Tensor(TensorField::new(patch, uv, sizes, corners)),
+        }
+    }
+
+    /// The metric at a point of the chart.
+    #[inline]
+    pub(super) fn at(&self, locator: &Locator<'_>, point: &SurfacePoint) -> Metric {
+        match self {
+            MetricField::Sized(field) => field.at(locator, point),
+            MetricField::Tensor(field) => field.at(locator, point),
+        }
     }
 }

@@ -1,5 +1,7 @@
 //! Generated charts with closed-form maps, and the invariants every patch mesh must have.
 
+mod meshers;
+
 use super::*;
 use crate::curve::{CurveKind, CurvePolyline, mesh_curve};
 use crate::parametrize::{ChartMethod, Distortion};
@@ -58,6 +60,7 @@ fn loop_curves(patch: &Patch, sizes: &[f64]) -> Vec<(Vec<u32>, CurveMesh)> {
             closed: true,
             kind: CurveKind::Boundary,
             min_edges: 3,
+            locked: Vec::new(),
         };
         (path, mesh_curve(&polyline, &Work::silent(&cancel)).unwrap())
     };
@@ -141,6 +144,28 @@ fn mean_edge_over(lifted: &LiftedPatch, size: &dyn Fn(Vec3) -> f64) -> f64 {
 
 fn flat(p: Vec2) -> Vec3 {
     [p[0], p[1], 0.0]
+}
+
+/// A face that the map presses flat has no density of its own: next to it the mesh is that of its neighbours.
+#[test]
+fn faces_squeezed_flat_do_not_multiply_the_mesh() {
+    let (patch, mut uv) = polar(8, 24, 0.3, 1.0, &|p| [p[0], p[1], 0.0]);
+    for ring in &patch.loops {
+        // The third corner of the face on an edge of the loop comes almost onto the edge.
+        let (a, b) = (ring[3], ring[4]);
+        let face = patch.triangles.iter().find(|t| t.contains(&a) && t.contains(&b)).unwrap();
+        let apex = face.iter().copied().find(|v| ![a, b].contains(v)).unwrap() as usize;
+        let (p, q) = (uv[a as usize], uv[b as usize]);
+        let middle = [0.5 * (p[0] + q[0]), 0.5 * (p[1] + q[1])];
+        let off = [uv[apex][0] - middle[0], uv[apex][1] - middle[1]];
+        uv[apex] = [middle[0] + 1e-15 * off[0], middle[1] + 1e-15 * off[1]];
+    }
+    let size = 0.25;
+    let sizes = vec![size; uv.len()];
+    let (planar, _) = meshed(&patch, &uv, &loop_curves(&patch, &sizes), &sizes);
+    let area = std::f64::consts::PI * (1.0 - 0.09);
+    let wanted = area / (0.75f64.sqrt() * size * size);
+    assert!((planar.uv.len() as f64) < 3.0 * wanted, "{} vertices where {wanted} are wanted", planar.uv.len());
 }
 
 #[test]
@@ -258,6 +283,7 @@ fn with_inner_feature(size: f64) -> (Patch, Vec<Vec2>, Vec<(Vec<u32>, CurveMesh)
         closed: false,
         kind: CurveKind::Feature,
         min_edges: 1,
+        locked: Vec::new(),
     };
     let cancel = CancelToken::new();
     let mesh = mesh_curve(&polyline, &Work::silent(&cancel)).unwrap();

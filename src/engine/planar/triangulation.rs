@@ -72,6 +72,66 @@ impl Triangulation {
         }
     }
 
+    /// Edge of `t` from `a` to `b`, if it still has it.
+    pub(super) fn edge_of(&self, t: u32, a: u32, b: u32) -> Option<usize> {
+        let c = &self.tri[t as usize];
+        (0..3).find(|&k| c[next(k)] == a && c[previous(k)] == b)
+    }
+
+    /// Corner of `u` that `t`, its neighbour, does not have.
+    pub(super) fn far_corner(&self, t: u32, u: u32) -> Option<u32> {
+        self.tri.get(u as usize).map(|c| c[self.edge_to(u, t)])
+    }
+
+    /// Makes the neighbours `a` and `b` of a triangle that closes neighbours of one another; their edge is fixed if `fixed` or already so.
+    pub(super) fn join(&mut self, gone: u32, (a, b): (u32, u32), fixed: bool) {
+        let side = |s: &Self, t: u32| (t != NONE).then(|| s.edge_to(t, gone));
+        let (i, j) = (side(self, a), side(self, b));
+        let fixed = fixed || [(a, i), (b, j)].into_iter().any(|(t, k)| k.is_some_and(|k| self.fixed[t as usize][k]));
+        for (t, k, other) in [(a, i, b), (b, j, a)] {
+            if let Some(k) = k {
+                self.adj[t as usize][k] = other;
+                self.fixed[t as usize][k] = fixed;
+            }
+        }
+    }
+
+    /// Takes triangles out and renumbers the rest in order.
+    pub(super) fn compact(&mut self, dead: &[bool]) {
+        let mut number = vec![NONE; self.tri.len()];
+        let mut count = 0;
+        for (t, is_dead) in dead.iter().enumerate() {
+            if !is_dead {
+                number[t] = count;
+                count += 1;
+            }
+        }
+        for (t, is_dead) in dead.iter().enumerate() {
+            if *is_dead {
+                continue;
+            }
+            let at = number[t] as usize;
+            self.tri[at] = self.tri[t];
+            self.fixed[at] = self.fixed[t];
+            self.adj[at] = self.adj[t].map(|u| if u == NONE { NONE } else { number[u as usize] });
+        }
+        let count = count as usize;
+        self.tri.truncate(count);
+        self.adj.truncate(count);
+        self.fixed.truncate(count);
+    }
+
+    /// Takes vertices out that no triangle has; returns the old numbers of those left.
+    pub(super) fn drop_vertices(&mut self, gone: &[bool]) -> Vec<u32> {
+        let kept: Vec<u32> = (0..self.uv.len() as u32).filter(|&v| !gone[v as usize]).collect();
+        let mut number = vec![NONE; self.uv.len()];
+        kept.iter().enumerate().for_each(|(i, &v)| number[v as usize] = i as u32);
+        self.uv = kept.iter().map(|&v| self.uv[v as usize]).collect();
+        self.metric = kept.iter().map(|&v| self.metric[v as usize]).collect();
+        self.tri.iter_mut().for_each(|t| *t = t.map(|v| number[v as usize]));
+        kept
+    }
+
     pub(super) fn corners(&self, t: u32) -> [Vec2; 3] {
         self.tri[t as usize].map(|v| self.uv[v as usize])
     }
@@ -236,19 +296,28 @@ impl Triangulation {
     /// Flips until every edge is Delaunay in the metric, or as often as there are six times triangles (a metric that varies has no
     /// exact Delaunay triangulation).
     pub(super) fn flip_all(&mut self) {
-        let mut stack: Vec<u32> = (0..self.tri.len() as u32).collect();
+        let mut stack = Vec::new();
         let mut budget = 6 * self.tri.len();
-        while let Some(t) = stack.pop() {
+        for t in 0..self.tri.len() as u32 {
             for k in 0..3 {
-                if self.should_flip(t, k) {
-                    let u = self.flip(t, k);
-                    stack.extend([t, u]);
-                    budget = budget.saturating_sub(1);
+                // Each edge once, from the side of the higher number; what a flip changes goes on the stack.
+                let u = self.adj[t as usize][k];
+                if u < t && self.should_flip(t, k) {
+                    stack.extend([self.flip(t, k), t]);
                     break;
                 }
             }
-            if budget == 0 {
-                return;
+            while let Some(t) = stack.pop() {
+                for k in 0..3 {
+                    if self.should_flip(t, k) {
+                        stack.extend([self.flip(t, k), t]);
+                        budget = budget.saturating_sub(1);
+                        break;
+                    }
+                }
+                if budget == 0 {
+                    return;
+                }
             }
         }
     }

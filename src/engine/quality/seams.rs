@@ -2,9 +2,9 @@
 //! optimisation.
 
 use super::TargetSize;
-use super::shape::length_in_field;
+use super::shape::length_in;
 use crate::mesh::SurfaceMesh;
-use crate::vector::{Vec3, distance, kappa};
+use crate::vector::{Vec3, kappa};
 
 /// Elements of a part of a mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -101,11 +101,7 @@ pub fn measure_seams(mesh: &Patched<'_>, target: &TargetSize) -> SeamSplit {
     edges.dedup_by_key(|edge| edge.0);
     let mut sums = [(0.0, 0u64); 2];
     for &([a, b], f) in &edges {
-        let length = distance(mesh.positions[a as usize], mesh.positions[b as usize]);
-        let l = match target {
-            TargetSize::Uniform(size) => length / size,
-            TargetSize::PerVertex(sizes) => length_in_field(length, sizes[a as usize], sizes[b as usize]),
-        };
+        let l = length_in(target, mesh.positions, a as usize, b as usize);
         let sum = &mut sums[usize::from(!at_seam[f as usize])];
         *sum = (sum.0 + if l < 1.0 { l - 1.0 } else { 1.0 / l - 1.0 }, sum.1 + 1);
     }

@@ -3,7 +3,8 @@
 use super::edges::Edge;
 use super::{ShapeQuality, TargetSize};
 use crate::mesh::SurfaceMesh;
-use crate::vector::{Vec3, angle_between, distance, kappa, sub};
+use crate::metric::squared_length;
+use crate::vector::{Vec3, angle_between, kappa, norm, sub};
 
 /// Bins of the histogram of kappa.
 const BINS: usize = 20;
@@ -58,7 +59,7 @@ pub(super) fn measure_shape(mesh: &SurfaceMesh, edges: &[Edge], target: Option<&
 }
 
 /// Linear interpolation between the order statistics.
-fn percentile(values: &mut [f64], share: f64) -> f64 {
+pub(super) fn percentile(values: &mut [f64], share: f64) -> f64 {
     let at = share * (values.len() - 1) as f64;
     let below = at.floor() as usize;
     let (_, low, rest) = values.select_nth_unstable_by(below, f64::total_cmp);
@@ -73,15 +74,25 @@ pub(super) fn length_in_field(length: f64, size_a: f64, size_b: f64) -> f64 {
     if ratio.abs() < 1e-6 { length / (0.5 * (size_a + size_b)) } else { length * ratio.ln_1p() / (size_b - size_a) }
 }
 
-fn measure_sizes(mesh: &SurfaceMesh, edges: &[Edge], target: &TargetSize) -> (Option<f64>, Option<f64>) {
+/// Length of the edge between two vertices in elements.
+pub(super) fn length_in(target: &TargetSize, positions: &[Vec3], a: usize, b: usize) -> f64 {
+    let e = sub(positions[b], positions[a]);
+    match target {
+        TargetSize::Uniform(size) => norm(e) / size,
+        TargetSize::PerVertex(sizes) => length_in_field(norm(e), sizes[a], sizes[b]),
+        TargetSize::Metric(tensors) => {
+            // As in a size field: the size along the edge is linear between its ends.
+            let at = |t: &[f64; 6]| 1.0 / squared_length(t, e).max(f64::MIN_POSITIVE).sqrt();
+            length_in_field(1.0, at(&tensors[a]), at(&tensors[b]))
+        }
+    }
+}
+
+pub(super) fn measure_sizes(mesh: &SurfaceMesh, edges: &[Edge], target: &TargetSize) -> (Option<f64>, Option<f64>) {
     let (mut sum, mut fine) = (0.0, 0u64);
     for edge in edges {
         let [a, b] = edge.ends.map(|v| v as usize);
-        let length = distance(mesh.positions[a], mesh.positions[b]);
-        let l = match target {
-            TargetSize::Uniform(size) => length / size,
-            TargetSize::PerVertex(sizes) => length_in_field(length, sizes[a], sizes[b]),
-        };
+        let l = length_in(target, &mesh.positions, a, b);
         sum += if l < 1.0 { l - 1.0 } else { 1.0 / l - 1.0 };
         fine += u64::from((0.5f64.sqrt()..=2.0f64.sqrt()).contains(&l));
     }

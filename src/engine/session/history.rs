@@ -38,7 +38,9 @@ impl Change {
             Change::PatchChart { .. } => "patch_chart",
             Change::PatchEdit(_) | Change::ResetPatchEdits => "patch_edits",
             Change::Size(_) => "size",
+            Change::Lock(_) => "lock",
             Change::Mesher(_) => "mesher",
+            Change::Anisotropic(_) => "anisotropic",
             Change::Optimize(_) => "optimize",
             Change::Rollback(_) => "rollback",
         }

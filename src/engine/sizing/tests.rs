@@ -1,5 +1,7 @@
 //! Size fields on a flat grid, against closed forms.
 
+mod fields;
+
 use super::*;
 use crate::work::CancelToken;
 
@@ -15,7 +17,8 @@ fn strip(n: u32) -> (SurfaceMesh, Topology, Features) {
 fn evaluate(spec: &SizeSpec) -> Result<SizeField> {
     let (mesh, topology, features) = strip(40);
     let cancel = CancelToken::new();
-    evaluate_size(&mesh, &topology, &features, spec, &Work::silent(&cancel))
+    let input = SizeInput { mesh: &mesh, topology: &topology, features: &features, patch_vertices: &|_| None, measured: &[] };
+    evaluate_size(&input, spec, &Work::silent(&cancel))
 }
 
 #[test]
@@ -55,7 +58,8 @@ fn graded_on_a_closed_surface_starts_at_one_vertex() {
     let features = Features { is_feature: vec![false; 24], corners: Vec::new(), ..Features::default() };
     let cancel = CancelToken::new();
     let spec = SizeSpec::Graded { min_size: 0.1, max_size: 0.2, growth_rate: 1.5 };
-    let field = evaluate_size(&mesh, &topology, &features, &spec, &Work::silent(&cancel)).unwrap();
+    let input = SizeInput { mesh: &mesh, topology: &topology, features: &features, patch_vertices: &|_| None, measured: &[] };
+    let field = evaluate_size(&input, &spec, &Work::silent(&cancel)).unwrap();
     let fine: Vec<usize> = (0..6).filter(|&v| field.vertex_size[v] == 0.1).collect();
     assert_eq!(fine, [4]);
 }

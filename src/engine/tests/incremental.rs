@@ -4,6 +4,7 @@ use remesh_engine::engine::{Engine, EngineConfig};
 use remesh_engine::features::FeatureSpec;
 use remesh_engine::fingerprint::{Contents, Fingerprint};
 use remesh_engine::import::ImportOptions;
+use remesh_engine::metric::{MetricSource, MetricSpec};
 use remesh_engine::optimize::OptimizeSpec;
 use remesh_engine::parametrize::{ChartMethod, ChartSpec};
 use remesh_engine::partition::PartitionSpec;
@@ -58,11 +59,33 @@ fn a_second_remesh_runs_nothing() {
     let session = open(&engine, &pelvis());
     let (first, records) = remesh(&engine, &session, 2);
     let stages: BTreeSet<Stage> = records.iter().map(|r| r.stage).collect();
-    let all_but_quality: BTreeSet<Stage> = Stage::ALL.into_iter().filter(|s| *s != Stage::Quality).collect();
-    assert_eq!(stages, all_but_quality);
+    let measures = [Stage::Curvature, Stage::Proximity, Stage::Thickness, Stage::Centerline];
+    let asked_for = [&measures[..], &[Stage::Metric, Stage::Quads, Stage::Quality]].concat();
+    let usual: BTreeSet<Stage> = Stage::ALL.into_iter().filter(|s| !asked_for.contains(s)).collect();
+    assert_eq!(stages, usual);
     let (second, records) = remesh(&engine, &session, 2);
     assert_eq!(first, second);
     assert_eq!(ran(&records), BTreeSet::new());
+}
+
+#[test]
+fn another_metric_neither_partitions_nor_parametrizes() {
+    let engine = engine();
+    let session = open(&engine, &pelvis());
+    let (mut before, _) = remesh(&engine, &session, 2);
+    let below = BTreeSet::from(["metric", "curve", "planar", "lift", "assembly", "optimize"]);
+    for normal_angle_deg in [25.0, 15.0] {
+        let source = MetricSource::Curvature { deviation: None, normal_angle_deg: Some(normal_angle_deg) };
+        session.apply(None, &[Change::Anisotropic(MetricSpec { source, ..MetricSpec::default() })]).unwrap();
+        let cancel = CancelToken::new();
+        let run = Run { cancel: &cancel, events: &|_| {}, threads: 1 };
+        let planned = pipeline::plan(&engine, &session.snapshot(), &run).unwrap();
+        assert!(planned.iter().any(|r| r.stage == Stage::Metric && r.outcome == Outcome::Run));
+        let (result, records) = remesh(&engine, &session, 2);
+        assert!(ran(&records).is_subset(&below) && ran(&records).contains("planar"), "{:?}", ran(&records));
+        assert_ne!(result, before);
+        before = result;
+    }
 }
 
 #[test]

@@ -2,29 +2,26 @@
 //! arrays); ranges of numbers are the engine's to check.
 
 use super::charts::{self, within};
+use super::meshers;
 use super::patches;
+use super::sizes;
 use crate::state::blob_digest;
-use bytes::Bytes;
 use remesh_engine::EngineError;
 use remesh_engine::engine::Engine;
-use remesh_engine::error::{Reason, Result};
+use remesh_engine::error::Result;
 use remesh_engine::export::Encoding;
 use remesh_engine::features::{FeatureSpec, RegionBorders};
-use remesh_engine::import::{Format, ImportOptions, ObjRegions};
-use remesh_engine::mesh::{LengthUnit, Region, SurfaceMesh};
+use remesh_engine::import::Format;
+use remesh_engine::mesh::LengthUnit;
 use remesh_engine::optimize::OptimizeSpec;
 use remesh_engine::parametrize::ChartSpec;
 use remesh_engine::partition::{BorderSmoothing, PartitionSpec, PartitionStrategy, Plane};
-use remesh_engine::planar::Mesher;
 use remesh_engine::quality::QualityScope;
-use remesh_engine::sample::{SampleKind, SampleSpec};
-use remesh_engine::session::{Change, MeshSource, Revision};
-use remesh_engine::sizing::SizeSpec;
+use remesh_engine::session::{Change, Revision};
 use remesh_proto::v1;
-use std::borrow::Cow;
 use std::time::Duration;
 
-fn required<T>(value: Option<T>, field: &str) -> Result<T> {
+pub(super) fn required<T>(value: Option<T>, field: &str) -> Result<T> {
     value.ok_or_else(|| EngineError::bad_parameter(field, "is required"))
 }
 
@@ -43,7 +40,7 @@ pub(crate) fn output_format(number: i32, field: &str) -> Result<Format> {
     required(format(number, field)?, field)
 }
 
-fn format(number: i32, field: &str) -> Result<Option<Format>> {
+pub(super) fn format(number: i32, field: &str) -> Result<Option<Format>> {
     Ok(match known(number, field)? {
         v1::MeshFormat::Unspecified => None,
         v1::MeshFormat::Stl => Some(Format::Stl),
@@ -66,7 +63,7 @@ pub(crate) fn encoding(number: i32, field: &str) -> Result<Encoding> {
     })
 }
 
-fn unit(number: i32, field: &str) -> Result<LengthUnit> {
+pub(super) fn unit(number: i32, field: &str) -> Result<LengthUnit> {
     Ok(match known(number, field)? {
         v1::LengthUnit::Unspecified => LengthUnit::Unspecified,
         v1::LengthUnit::Metre => LengthUnit::Metre,
@@ -139,11 +136,11 @@ where
     Ok(tuples.iter().map(|tuple| tuple.map(value)).collect())
 }
 
-fn f64_rows<const N: usize>(engine: &Engine, array: &v1::PackedArray, field: &str) -> Result<Vec<[f64; N]>> {
+pub(super) fn f64_rows<const N: usize>(engine: &Engine, array: &v1::PackedArray, field: &str) -> Result<Vec<[f64; N]>> {
     with_packed(engine, array, field, |bytes| rows(bytes, field, f64::from_le_bytes))
 }
 
-fn u32_rows<const N: usize>(engine: &Engine, array: &v1::PackedArray, field: &str) -> Result<Vec<[u32; N]>> {
+pub(super) fn u32_rows<const N: usize>(engine: &Engine, array: &v1::PackedArray, field: &str) -> Result<Vec<[u32; N]>> {
     with_packed(engine, array, field, |bytes| rows(bytes, field, u32::from_le_bytes))
 }
 
@@ -242,7 +239,7 @@ pub(super) fn patch_faces(engine: &Engine, array: Option<&v1::PackedArray>) -> R
     Ok(rows.into_flattened())
 }
 
-fn positive(value: f64, field: &str) -> Result<()> {
+pub(super) fn positive(value: f64, field: &str) -> Result<()> {
     if value > 0.0 && value.is_finite() {
         Ok(())
     } else {
@@ -255,36 +252,7 @@ pub(crate) fn charts(spec: &v1::ChartSpec) -> Result<ChartSpec> {
     charts::spec(spec).map_err(|error| within("charts", error))
 }
 
-/// Which sizes.
-pub(crate) fn size(engine: &Engine, spec: &v1::SizeSpec) -> Result<SizeSpec> {
-    use v1::size_spec::Size;
-    match required(spec.size.as_ref(), "size")? {
-        Size::Uniform(size) => positive(*size, "size.uniform").map(|()| SizeSpec::Uniform { size: *size }),
-        Size::Triangles(0) => Err(EngineError::bad_parameter("size.triangles", "must be positive")),
-        Size::Triangles(triangles) => Ok(SizeSpec::TriangleCount { triangles: *triangles }),
-        Size::PerVertex(per_vertex) => {
-            let array = required(per_vertex.sizes.as_ref(), "size.per_vertex.sizes")?;
-            let sizes: Vec<[f64; 1]> = f64_rows(engine, array, "size.per_vertex.sizes")?;
-            if let Some(bad) = sizes.iter().position(|[s]| !(*s > 0.0 && s.is_finite())) {
-                let message = format!("the size of vertex {bad} is not positive and finite");
-                return Err(EngineError::bad_parameter("size.per_vertex.sizes", message));
-            }
-            bounds(per_vertex.min_size, per_vertex.max_size, per_vertex.growth_rate, "size.per_vertex")?;
-            Ok(SizeSpec::PerVertex {
-                sizes: sizes.into_flattened(),
-                min_size: per_vertex.min_size,
-                max_size: per_vertex.max_size,
-                growth_rate: per_vertex.growth_rate,
-            })
-        }
-        Size::Graded(v1::GradedSize { min_size, max_size, growth_rate }) => {
-            bounds(Some(*min_size), Some(*max_size), Some(*growth_rate), "size.graded")?;
-            Ok(SizeSpec::Graded { min_size: *min_size, max_size: *max_size, growth_rate: *growth_rate })
-        }
-    }
-}
-
-fn bounds(min_size: Option<f64>, max_size: Option<f64>, growth_rate: Option<f64>, field: &str) -> Result<()> {
+pub(super) fn bounds(min_size: Option<f64>, max_size: Option<f64>, growth_rate: Option<f64>, field: &str) -> Result<()> {
     for (value, name) in [(min_size, "min_size"), (max_size, "max_size")] {
         value.map_or(Ok(()), |value| positive(value, &format!("{field}.{name}")))?;
     }
@@ -299,13 +267,6 @@ fn bounds(min_size: Option<f64>, max_size: Option<f64>, growth_rate: Option<f64>
         }
         _ => Ok(()),
     }
-}
-
-/// Which mesher.
-pub(crate) fn mesher(spec: &v1::MesherSpec) -> Result<Mesher> {
-    Ok(match known(spec.kind, "mesher.kind")? {
-        v1::MesherKind::Unspecified | v1::MesherKind::Frontal => Mesher::Frontal,
-    })
 }
 
 /// Most rounds of optimisation that make any sense.
@@ -331,131 +292,19 @@ pub(crate) fn change(engine: &Engine, change: Option<v1::Change>) -> Result<Chan
         Wire::Features(spec) => Change::Features(features(engine, &spec)?),
         Wire::Partition(spec) => Change::Partition(partition(&spec)?),
         Wire::Charts(spec) => Change::Chart(charts(&spec)?),
-        Wire::Size(spec) => Change::Size(size(engine, &spec)?),
-        Wire::Mesher(spec) => Change::Mesher(mesher(&spec)?),
+        Wire::Size(spec) => Change::Size(sizes::size(engine, &spec)?),
+        Wire::Lock(spec) => Change::Lock(sizes::lock(engine, &spec)?),
+        Wire::Mesher(spec) => meshers::change(engine, &spec)?,
         Wire::Optimize(spec) => Change::Optimize(optimize(&spec)?),
         Wire::Rollback(rollback) => Change::Rollback(Revision(rollback.to_revision)),
     })
-}
-
-/// How to read.
-pub(crate) fn import_options(engine: &Engine, options: Option<v1::ImportOptions>) -> Result<ImportOptions> {
-    let options = options.unwrap_or_default();
-    if !(0.0..=0.1).contains(&options.weld_tolerance) {
-        let message = format!("{} is not in [0, 0.1] (a share of the bounding box diagonal)", options.weld_tolerance);
-        return Err(EngineError::bad_parameter("options.weld_tolerance", message));
-    }
-    Ok(ImportOptions {
-        format: format(options.format, "options.format")?,
-        weld_tolerance: options.weld_tolerance,
-        assume_unit: unit(options.assume_unit, "options.assume_unit")?,
-        obj_regions: match known(options.obj_regions, "options.obj_regions")? {
-            v1::ObjRegions::Unspecified | v1::ObjRegions::Automatic => ObjRegions::Automatic,
-            v1::ObjRegions::Group => ObjRegions::Group,
-            v1::ObjRegions::Object => ObjRegions::Object,
-            v1::ObjRegions::Material => ObjRegions::Material,
-        },
-        only_regions: options.only_regions,
-        max_faces: engine.config.max_faces,
-    })
-}
-
-/// Triangles of a sample for which no number is given.
-const SAMPLE_TRIANGLES: u64 = 20_000;
-
-/// Which sample.
-pub(crate) fn sample(engine: &Engine, spec: &v1::SampleSpec) -> Result<SampleSpec> {
-    let triangles = spec.triangles.unwrap_or(SAMPLE_TRIANGLES);
-    if triangles > engine.config.max_faces {
-        let message = format!("a sample of {triangles} triangles is beyond the limit of {}", engine.config.max_faces);
-        return Err(EngineError::new(Reason::LimitReached, message));
-    }
-    Ok(SampleSpec {
-        kind: match known(spec.kind, "sample.kind")? {
-            v1::SampleKind::Unspecified => return Err(EngineError::bad_parameter("sample.kind", "is required")),
-            v1::SampleKind::Artery => SampleKind::Artery,
-            v1::SampleKind::Pelvis => SampleKind::Pelvis,
-            v1::SampleKind::Brake => SampleKind::Brake,
-            v1::SampleKind::CadPart => SampleKind::CadPart,
-            v1::SampleKind::Tube => SampleKind::Tube,
-            v1::SampleKind::Lattice => SampleKind::Lattice,
-        },
-        triangles,
-        genus: spec.genus,
-        outlets: spec.outlets,
-        aspect_ratio: spec.aspect_ratio,
-    })
-}
-
-fn arrays(engine: &Engine, arrays: &v1::MeshArrays) -> Result<SurfaceMesh> {
-    let positions = f64_rows(engine, required(arrays.positions.as_ref(), "arrays.positions")?, "arrays.positions")?;
-    let triangles: Vec<[u32; 3]> = u32_rows(engine, required(arrays.triangles.as_ref(), "arrays.triangles")?, "arrays.triangles")?;
-    let regions: Vec<Region> = match arrays.regions.as_slice() {
-        [] => vec![Region { id: 0, name: String::new() }],
-        listed => listed.iter().map(|r| Region { id: r.id, name: r.name.clone() }).collect(),
-    };
-    let face_region: Vec<u32> = match &arrays.face_regions {
-        None => vec![0; triangles.len()],
-        Some(array) => u32_rows::<1>(engine, array, "arrays.face_regions")?.into_flattened(),
-    };
-    if face_region.len() != triangles.len() {
-        let message = format!("there are {} entries for {} faces", face_region.len(), triangles.len());
-        return Err(EngineError::bad_parameter("arrays.face_regions", message));
-    }
-    if let Some(face) = face_region.iter().position(|&r| r as usize >= regions.len()) {
-        let message = format!("face {face} names region {} of {}", face_region[face], regions.len());
-        return Err(EngineError::new(Reason::IndexOutOfRange, message).with_metadata("field", "arrays.face_regions"));
-    }
-    Ok(SurfaceMesh { positions, triangles, face_region, regions, unit: unit(arrays.unit, "arrays.unit")? })
-}
-
-/// A file in a message: put among the blobs, so that equal files are kept once.
-fn inline_file(engine: &Engine, bytes: Bytes) -> Result<MeshSource> {
-    Ok(MeshSource::File(engine.put_blob(bytes.into())?))
-}
-
-fn blob_file(engine: &Engine, name: &str, field: &str) -> Result<MeshSource> {
-    Ok(MeshSource::File(engine.blob(blob_digest(name, field)?)?))
-}
-
-/// Where the surface of an import comes from. Copies arrays: call on the compute pool.
-pub(crate) fn import_source(engine: &Engine, source: Option<v1::import_mesh_request::Source>) -> Result<MeshSource> {
-    use v1::import_mesh_request::Source;
-    match required(source, "source")? {
-        Source::Blob(name) => blob_file(engine, &name, "blob"),
-        Source::Inline(bytes) => inline_file(engine, bytes),
-        Source::Arrays(wire) => Ok(MeshSource::from_arrays(arrays(engine, &wire)?)),
-        Source::Sample(spec) => Ok(MeshSource::Sample(sample(engine, &spec)?)),
-    }
-}
-
-/// The surface of a one-call remesh.
-pub(crate) fn one_call_source(engine: &Engine, source: Option<v1::remesh_mesh_request::Source>) -> Result<MeshSource> {
-    use v1::remesh_mesh_request::Source;
-    match required(source, "source")? {
-        Source::Data(bytes) => inline_file(engine, bytes),
-        Source::Blob(name) => blob_file(engine, &name, "blob"),
-        Source::Sample(spec) => Ok(MeshSource::Sample(sample(engine, &spec)?)),
-    }
-}
-
-/// A file to compare.
-pub(crate) fn mesh_file(engine: &Engine, file: Option<v1::MeshFile>, field: &str) -> Result<(MeshSource, ImportOptions)> {
-    use v1::mesh_file::Source;
-    let file = required(file, field)?;
-    let inside = |name: &str| -> Cow<'static, str> { format!("{field}.{name}").into() };
-    let source = match required(file.source, &inside("source"))? {
-        Source::Blob(name) => blob_file(engine, &name, &inside("blob"))?,
-        Source::Inline(bytes) => inline_file(engine, bytes)?,
-        Source::Sample(spec) => MeshSource::Sample(sample(engine, &spec)?),
-    };
-    Ok((source, import_options(engine, file.options)?))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use remesh_engine::engine::EngineConfig;
+    use remesh_engine::error::Reason;
 
     fn field_of(error: &EngineError) -> &str {
         error.metadata().iter().find(|(key, _)| key == "field").map_or("", |(_, field)| field)
@@ -501,7 +350,8 @@ mod tests {
     fn bad_fields_are_named() {
         let engine = Engine::new(EngineConfig::default());
         let sized = |size| v1::SizeSpec { size: Some(size) };
-        let cases: Vec<(Result<SizeSpec>, &str)> = vec![
+        let size = sizes::size;
+        let cases: Vec<(Result<remesh_engine::sizing::SizeSpec>, &str)> = vec![
             (size(&engine, &v1::SizeSpec::default()), "size"),
             (size(&engine, &sized(v1::size_spec::Size::Uniform(f64::NAN))), "size.uniform"),
             (size(&engine, &sized(v1::size_spec::Size::Triangles(0))), "size.triangles"),
@@ -516,19 +366,5 @@ mod tests {
         assert_eq!(field_of(&output_format(99, "format").expect_err("unknown")), "format");
         let twice = columns(&[1, 1], &[v1::DataColumn::Positions], &[]);
         assert_eq!(field_of(&twice.expect_err("twice")), "columns");
-    }
-
-    #[test]
-    fn arrays_must_fit_each_other() {
-        let engine = Engine::new(EngineConfig::default());
-        let packed = |bytes: Vec<u8>| Some(v1::PackedArray { data: Some(v1::packed_array::Data::Inline(bytes.into())) });
-        let positions: Vec<u8> = [0.0f64, 0., 0., 1., 0., 0., 0., 1., 0.].iter().flat_map(|x| x.to_le_bytes()).collect();
-        let triangles: Vec<u8> = [0u32, 1, 2].iter().flat_map(|x| x.to_le_bytes()).collect();
-        let good = v1::MeshArrays { positions: packed(positions), triangles: packed(triangles), ..Default::default() };
-        assert_eq!(arrays(&engine, &good).expect("good").positions[1], [1.0, 0.0, 0.0]);
-        let ragged = v1::MeshArrays { positions: packed(vec![0; 25]), ..good.clone() };
-        assert_eq!(field_of(&arrays(&engine, &ragged).expect_err("ragged")), "arrays.positions");
-        let far = v1::MeshArrays { face_regions: packed(7u32.to_le_bytes().to_vec()), ..good };
-        assert_eq!(arrays(&engine, &far).expect_err("far").reason(), Reason::IndexOutOfRange);
     }
 }

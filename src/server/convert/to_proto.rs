@@ -1,6 +1,6 @@
 //! Engine results to wire messages. Nothing here can fail.
 
-use super::{charts, patches};
+use super::{charts, meshers, patches, sizes};
 use crate::status::location;
 use remesh_engine::diagnose::{Defect, Diagnosis, Finding};
 use remesh_engine::features::{FeatureSpec, RegionBorders};
@@ -8,11 +8,9 @@ use remesh_engine::import::ImportReport;
 use remesh_engine::mesh::{LengthUnit, Region, SurfaceMesh};
 use remesh_engine::optimize::OptimizeSpec;
 use remesh_engine::partition::{BorderSmoothing, PartitionSpec, PartitionStrategy, PatchSummary, Plane};
-use remesh_engine::planar::Mesher;
 use remesh_engine::quality::seams::{PartQuality, SeamSplit};
-use remesh_engine::quality::{Fidelity, QualityReport, ShapeQuality, TopologyNumbers};
+use remesh_engine::quality::{Fidelity, QuadQuality, QualityReport, ShapeQuality, TopologyNumbers};
 use remesh_engine::session::Snapshot;
-use remesh_engine::sizing::SizeSpec;
 use remesh_engine::stage::{Outcome, StageRecord, Subject};
 use remesh_engine::vector::bounds;
 use remesh_proto::v1;
@@ -194,6 +192,19 @@ pub(crate) fn shape(shape: &ShapeQuality) -> v1::ShapeQuality {
     }
 }
 
+pub(crate) fn quads(quads: &QuadQuality) -> v1::QuadQuality {
+    v1::QuadQuality {
+        quads: quads.quads,
+        triangles: quads.triangles,
+        eta_min: quads.eta_min,
+        eta_mean: quads.eta_mean,
+        eta_p01: quads.eta_p01,
+        eta_histogram: quads.eta_histogram.clone(),
+        tau: quads.tau,
+        edge_ratio_ok: quads.edge_ratio_ok,
+    }
+}
+
 fn fidelity(fidelity: &Fidelity) -> v1::Fidelity {
     v1::Fidelity {
         diagonal: fidelity.diagonal,
@@ -217,6 +228,7 @@ pub(crate) fn quality(report: &QualityReport) -> v1::QualityReport {
         self_intersections: report.self_intersections,
         intersecting_pairs: report.intersecting_pairs.iter().map(|&[first, second]| v1::FacePair { first, second }).collect(),
         worst_faces: report.worst_faces.clone(),
+        quads: report.quads.as_ref().map(quads),
         seams: report.seams.as_ref().map(|q| v1::SeamQuality { before: Some(seam_split(&q.before)), after: Some(seam_split(&q.after)) }),
     }
 }
@@ -239,11 +251,12 @@ pub(crate) fn inputs(snapshot: &Snapshot) -> v1::SessionInputs {
         features: Some(features(&snapshot.features)),
         partition: Some(partition(&snapshot.partition)),
         charts: Some(charts::wire(&snapshot.chart)),
-        size: snapshot.size.as_ref().map(size),
-        mesher: Some(mesher(snapshot.mesher)),
+        size: snapshot.size.as_ref().map(sizes::wire),
+        mesher: Some(meshers::wire(snapshot)),
         optimize: Some(optimize(&snapshot.optimize)),
         patch_charts: snapshot.patch_charts.len() as u32,
         patch_edits: snapshot.patch_edits.len() as u32,
+        lock: Some(sizes::wire_lock(&snapshot.lock)),
     }
 }
 
@@ -296,26 +309,6 @@ pub(crate) fn strategy(strategy: PartitionStrategy) -> (v1::PartitionStrategy, O
 fn cut_plane(plane: Plane) -> v1::CutPlane {
     let point = |[x, y, z]: [f64; 3]| Some(v1::Point { x, y, z });
     v1::CutPlane { point: point(plane.point), normal: point(plane.normal) }
-}
-
-fn size(spec: &SizeSpec) -> v1::SizeSpec {
-    use v1::size_spec::Size;
-    let size = match *spec {
-        SizeSpec::Uniform { size } => Size::Uniform(size),
-        SizeSpec::TriangleCount { triangles } => Size::Triangles(triangles),
-        SizeSpec::PerVertex { min_size, max_size, growth_rate, .. } => {
-            Size::PerVertex(v1::PerVertexSize { sizes: None, min_size, max_size, growth_rate })
-        }
-        SizeSpec::Graded { min_size, max_size, growth_rate } => Size::Graded(v1::GradedSize { min_size, max_size, growth_rate }),
-    };
-    v1::SizeSpec { size: Some(size) }
-}
-
-fn mesher(mesher: Mesher) -> v1::MesherSpec {
-    let kind = match mesher {
-        Mesher::Frontal => v1::MesherKind::Frontal,
-    };
-    v1::MesherSpec { kind: kind.into() }
 }
 
 fn optimize(spec: &OptimizeSpec) -> v1::OptimizeSpec {

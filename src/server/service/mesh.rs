@@ -3,7 +3,7 @@
 use super::upload::receive;
 use crate::answers::open_edit;
 use crate::convert::from_proto::{self, WhichMesh};
-use crate::convert::to_proto;
+use crate::convert::{sources, to_proto};
 use crate::dispatch::{Call, Intent};
 use crate::state::{Shared, Target, blob_name};
 use crate::status::Fault;
@@ -33,8 +33,8 @@ fn milliseconds(begin: Instant) -> f64 {
 
 fn import(shared: &Shared, run: &Run<'_>, target: &Target, request: v1::ImportMeshRequest) -> EngineResult<v1::ImportMeshResponse> {
     let begin = Instant::now();
-    let options = from_proto::import_options(&shared.engine, request.options)?;
-    let source = from_proto::import_source(&shared.engine, request.source)?;
+    let options = sources::import_options(&shared.engine, request.options)?;
+    let source = sources::import_source(&shared.engine, request.source)?;
     let mut candidate = Snapshot::clone(&target.snapshot);
     candidate.source = Some(source.clone());
     candidate.import = options.clone();
@@ -59,6 +59,14 @@ enum Picked {
 }
 
 impl Picked {
+    /// Number of quadrangles whose halves come first.
+    fn quads(&self) -> u32 {
+        match self {
+            Picked::Input(_) => 0,
+            Picked::Result(remeshed) => remeshed.quads,
+        }
+    }
+
     fn mesh(&self) -> &SurfaceMesh {
         match self {
             Picked::Input(imported) => &imported.mesh,
@@ -92,7 +100,7 @@ fn weight(shared: &Shared, run: &Run<'_>, target: &Target, which: WhichMesh) -> 
 }
 
 fn needs_charts(columns: &[v1::DataColumn]) -> bool {
-    columns.contains(&v1::DataColumn::FacePatch) || columns.contains(&v1::DataColumn::FeatureEdges)
+    [v1::DataColumn::FacePatch, v1::DataColumn::FeatureEdges, v1::DataColumn::VertexSize].iter().any(|kind| columns.contains(kind))
 }
 
 fn mesh_columns(request: &v1::ReadMeshDataRequest) -> EngineResult<Vec<v1::DataColumn>> {
@@ -115,9 +123,9 @@ fn face_kappa(mesh: &SurfaceMesh, face: usize) -> f64 {
 }
 
 /// Writes a mesh with what the format has a place for.
-pub(crate) fn write(mesh: &SurfaceMesh, patch: Option<&[u32]>, format: Format, encoding: Encoding) -> EngineResult<Exported> {
+pub(crate) fn write(mesh: &SurfaceMesh, patch: Option<&[u32]>, quads: u32, format: Format, encoding: Encoding) -> EngineResult<Exported> {
     let kappas: Option<Vec<f64>> = (format == Format::Vtu).then(|| (0..mesh.triangles.len()).map(|f| face_kappa(mesh, f)).collect());
-    export_mesh(mesh, FaceData { patch, kappa: kappas.as_deref() }, format, encoding)
+    export_mesh(mesh, FaceData { patch, kappa: kappas.as_deref(), quads }, format, encoding)
 }
 
 fn export(
@@ -135,12 +143,13 @@ fn export(
         Picked::Result(remeshed) => Some(remeshed.face_patch.as_slice()),
         Picked::Input(_) => None,
     };
-    let written = write(picked.mesh(), patch, format, encoding)?;
+    let written = write(picked.mesh(), patch, picked.quads(), format, encoding)?;
     let header = v1::ExportHeader {
         total_bytes: written.bytes.len() as u64,
         warnings: written.warnings,
         vertices: picked.mesh().positions.len() as u64,
         faces: picked.mesh().triangles.len() as u64,
+        quads: picked.quads().into(),
         summary: Some(to_proto::summary(&records, milliseconds(begin))),
     };
     let revision = target.revision();
@@ -148,13 +157,14 @@ fn export(
     Ok(Box::new(parts.map(move |part| v1::ExportMeshResponse { revision, part: Some(part) })))
 }
 
-const MESH_COLUMNS: [v1::DataColumn; 6] = [
+const MESH_COLUMNS: [v1::DataColumn; 7] = [
     v1::DataColumn::Positions,
     v1::DataColumn::Triangles,
     v1::DataColumn::FacePatch,
     v1::DataColumn::FaceRegion,
     v1::DataColumn::FaceKappa,
     v1::DataColumn::FeatureEdges,
+    v1::DataColumn::VertexSize,
 ];
 
 /// Edges marked as features, as vertex pairs.
@@ -169,6 +179,7 @@ struct MeshData {
     mesh: Picked,
     face_patch: Vec<u32>,
     feature_edges: Vec<[u32; 2]>,
+    sizes: Vec<[f64; 1]>,
 }
 
 impl MeshData {
@@ -189,6 +200,7 @@ impl MeshData {
                 Picked::Result(remeshed) => &remeshed.curve_edges,
                 Picked::Input(_) => &d.feature_edges,
             }),
+            v1::DataColumn::VertexSize => Column::f64s(kind, held, |d: &MeshData| &d.sizes),
             _ => Column::f64s(kind, held, |d: &MeshData| &d.mesh.mesh().positions),
         }
     }
@@ -205,13 +217,20 @@ fn read(
     let columns = mesh_columns(request)?;
     let which = from_proto::which_mesh(request.source)?;
     let (mesh, mut records) = pick(shared, run, target, which)?;
-    let mut data = MeshData { mesh, face_patch: Vec::new(), feature_edges: Vec::new() };
+    let mut data = MeshData { mesh, face_patch: Vec::new(), feature_edges: Vec::new(), sizes: Vec::new() };
     let wants = |kind| columns.contains(&kind);
     if which == WhichMesh::Input && needs_charts(&columns) {
         let answer = pipeline::layout(&shared.engine, &target.snapshot, run)?;
         data.face_patch = answer.value.partition.face_patch.clone();
         data.feature_edges = feature_edges(&answer.value);
         records = answer.records;
+    }
+    if wants(v1::DataColumn::VertexSize) {
+        let sizes = match which {
+            WhichMesh::Input => pipeline::sizes(&shared.engine, &target.snapshot, run)?.value.vertex_size.clone(),
+            WhichMesh::Result => pipeline::sizes_of_result(&shared.engine, &target.snapshot, run)?.value,
+        };
+        data.sizes = sizes.into_iter().map(|size| [size]).collect();
     }
     let feature_edges = match &data.mesh {
         Picked::Result(remeshed) => remeshed.curve_edges.len(),
@@ -221,6 +240,7 @@ fn read(
     let header = v1::MeshDataHeader {
         vertices: mesh.positions.len() as u64,
         faces: mesh.triangles.len() as u64,
+        quads: data.mesh.quads().into(),
         feature_edges: if wants(v1::DataColumn::FeatureEdges) { feature_edges as u64 } else { 0 },
         regions: to_proto::regions(&mesh.regions),
         unit: to_proto::unit(mesh.unit).into(),

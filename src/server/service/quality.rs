@@ -1,6 +1,6 @@
 //! `QualityService`: how good a mesh is, measured against another.
 
-use crate::convert::{from_proto, to_proto};
+use crate::convert::{from_proto, sources, to_proto};
 use crate::dispatch::{Call, Intent};
 use crate::state::{Shared, Target};
 use remesh_engine::error::Result as EngineResult;
@@ -28,8 +28,8 @@ fn measure(shared: &Shared, run: &Run<'_>, target: &Target, scope: i32) -> Engin
 fn compare(shared: &Shared, run: &Run<'_>, request: v1::CompareMeshesRequest) -> EngineResult<v1::CompareMeshesResponse> {
     let begin = Instant::now();
     let scope = from_proto::scope(request.scope, "scope")?;
-    let input = from_proto::mesh_file(&shared.engine, request.input, "input")?;
-    let output = from_proto::mesh_file(&shared.engine, request.output, "output")?;
+    let input = sources::mesh_file(&shared.engine, request.input, "input")?;
+    let output = sources::mesh_file(&shared.engine, request.output, "output")?;
     let answer = pipeline::compare(&shared.engine, (&input.0, &input.1), (&output.0, &output.1), request.size, scope, run)?;
     Ok(v1::CompareMeshesResponse {
         report: Some(to_proto::quality(&answer.value)),

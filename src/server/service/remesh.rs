@@ -1,7 +1,7 @@
 //! `RemeshService`: the whole pipeline, for a session or in one call.
 
 use super::mesh::write;
-use crate::convert::{from_proto, to_proto};
+use crate::convert::{from_proto, meshers, sizes, sources, to_proto};
 use crate::dispatch::{Call, Intent};
 use crate::state::{Shared, Target};
 use crate::stream::Watch;
@@ -31,6 +31,7 @@ fn remesh_all(shared: &Shared, run: &Run<'_>, snapshot: &Snapshot) -> EngineResu
         shape: Some(to_proto::shape(&report.shape)),
         summary: Some(to_proto::summary(&answer.records, begin.elapsed().as_secs_f64() * 1e3)),
         warnings: remesh.warnings(snapshot),
+        quads: report.quads.as_ref().map(to_proto::quads),
     })
 }
 
@@ -48,6 +49,7 @@ fn remesh_listed(shared: &Shared, run: &Run<'_>, snapshot: &Snapshot, patches: &
         shape: None,
         summary: Some(to_proto::summary(&answer.records, begin.elapsed().as_secs_f64() * 1e3)),
         warnings: Vec::new(),
+        quads: None,
     })
 }
 
@@ -73,7 +75,10 @@ fn one_call_inputs(shared: &Shared, request: v1::RemeshMeshRequest) -> EngineRes
         check_inline(shared, data.len(), "the file")?;
     }
     let size = request.size.ok_or_else(|| EngineError::bad_parameter("size", "is required"))?;
-    let mut changes = vec![Change::Size(from_proto::size(engine, &size)?)];
+    let mut changes = vec![Change::Size(sizes::size(engine, &size)?)];
+    if let Some(spec) = &request.lock {
+        changes.push(Change::Lock(sizes::lock(engine, spec)?));
+    }
     if let Some(spec) = &request.features {
         changes.push(Change::Features(from_proto::features(engine, spec)?));
     }
@@ -84,13 +89,13 @@ fn one_call_inputs(shared: &Shared, request: v1::RemeshMeshRequest) -> EngineRes
         changes.push(Change::Chart(from_proto::charts(spec)?));
     }
     if let Some(spec) = &request.mesher {
-        changes.push(Change::Mesher(from_proto::mesher(spec)?));
+        changes.push(meshers::change(engine, spec)?);
     }
     if let Some(spec) = &request.optimize {
         changes.push(Change::Optimize(from_proto::optimize(spec)?));
     }
-    let options = from_proto::import_options(engine, request.import)?;
-    changes.push(Change::Mesh { source: from_proto::one_call_source(engine, request.source)?, options });
+    let options = sources::import_options(engine, request.import)?;
+    changes.push(Change::Mesh { source: sources::one_call_source(engine, request.source)?, options });
     let inputs = Session::new(String::new(), Duration::ZERO, SystemTime::UNIX_EPOCH);
     inputs.apply(None, &changes)?;
     Ok(inputs.snapshot())
@@ -114,7 +119,7 @@ fn one_call(shared: &Shared, run: &Run<'_>, request: v1::RemeshMeshRequest) -> E
     let snapshot = one_call_inputs(shared, request)?;
     let answer = pipeline::quality(&shared.engine, &snapshot, scope, run)?;
     let (remesh, report) = answer.value;
-    let written = write(&remesh.result.mesh, Some(&remesh.result.face_patch), format, encoding)?;
+    let written = write(&remesh.result.mesh, Some(&remesh.result.face_patch), remesh.result.quads, format, encoding)?;
     let warnings = remesh.warnings(&snapshot).into_iter().chain(written.warnings).collect();
     check_inline(shared, written.bytes.len(), "the result")?;
     Ok(v1::RemeshMeshResponse {

@@ -1,16 +1,18 @@
 //! `SessionService`: the life of sessions and changes of their inputs.
 
+use super::partition::check_patch;
 use crate::answers::open_edit;
 use crate::caller::Caller;
-use crate::convert::{from_proto, to_proto};
+use crate::convert::{from_proto, sizes, to_proto};
 use crate::desk::Desk;
-use crate::dispatch::Call;
+use crate::dispatch::{Call, Intent};
 use crate::feed::{Seat, Start, follow};
 use crate::state::{Shared, Target, session_name};
 use crate::status::Fault;
 use crate::stream::Watch;
 use remesh_engine::EngineError;
 use remesh_engine::error::Result as EngineResult;
+use remesh_engine::pipeline::{self, Run};
 use remesh_engine::session::{Edit, Revision, Session, Steps};
 use remesh_proto::v1;
 use remesh_proto::v1::session_service_server::SessionService;
@@ -139,6 +141,32 @@ fn watch(shared: &Shared, request: &v1::WatchSessionRequest, caller: &Caller) ->
     Ok(follow(desk.feed.clone(), start, request.without_stages, seat))
 }
 
+/// Whether a change names patches by number, which are looked up first.
+fn names_patches(change: Option<&v1::Change>) -> bool {
+    match change.and_then(|c| c.change.as_ref()) {
+        Some(v1::change::Change::Size(spec)) => !sizes::patch_numbers(spec).is_empty(),
+        _ => false,
+    }
+}
+
+/// Applies a size that names patches by number.
+fn apply_patch_sizes(
+    shared: &Shared,
+    run: &Run<'_>,
+    target: &Target,
+    request: v1::ApplyChangeRequest,
+) -> EngineResult<v1::ApplyChangeResponse> {
+    let mut change = request.change;
+    let layout = pipeline::layout(&shared.engine, &target.snapshot, run)?.value;
+    if let Some(v1::change::Change::Size(spec)) = change.as_mut().and_then(|c| c.change.as_mut()) {
+        sizes::name_patches(spec, |number| Ok(layout.patches.identities[check_patch(&layout, number)?]))?;
+    }
+    let change = from_proto::change(&shared.engine, change)?;
+    // On the revision that the numbers were looked up in: in another one they may be other patches.
+    let revision = target.apply(Some(target.snapshot.revision), &[change])?;
+    Ok(v1::ApplyChangeResponse { revision: revision.0 })
+}
+
 #[tonic::async_trait]
 impl SessionService for Sessions {
     async fn create_session(&self, request: Request<v1::CreateSessionRequest>) -> Result<Response<v1::CreateSessionResponse>, Status> {
@@ -177,6 +205,11 @@ impl SessionService for Sessions {
         let request = request.into_inner();
         let open = open_edit!(call, request);
         let target = call.target_of_edit(&request.session, request.base_revision, &open)?;
+        if names_patches(request.change.as_ref()) {
+            let work =
+                move |shared: &Shared, run: &Run<'_>| apply_patch_sizes(shared, run, &target, request).map(|answer| open.keep(answer));
+            return call.compute(Intent::Long, work).await;
+        }
         let apply = || {
             let change = from_proto::change(&self.0.engine, request.change)?;
             let revision = target.apply(request.base_revision.map(Revision), &[change])?;

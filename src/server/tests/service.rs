@@ -19,11 +19,15 @@ mod files;
 mod lifecycle;
 #[path = "service/limits.rs"]
 mod limits;
+#[path = "service/meshers.rs"]
+mod meshers;
 #[path = "service/patches.rs"]
 mod patches;
 #[path = "service/security.rs"]
 mod security;
 #[path = "service/several.rs"]
 mod several;
+#[path = "service/sizes.rs"]
+mod sizes;
 #[path = "service/watch.rs"]
 mod watch;

@@ -146,11 +146,22 @@ pub(crate) enum BoundaryCurve {
     MeanPlane,
 }
 
+/// Which boundary vertices stay.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum LockChoice {
+    Nothing,
+    Boundary,
+    Loops(Vec<u32>),
+    Vertices(Vec<u32>),
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ColourBy {
     Patch,
     Kappa,
     Region,
+    /// Wanted edge length (needs a size)
+    Size,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -244,6 +255,18 @@ pub(super) fn plane(text: &str) -> Result<PlaneArg, String> {
     }
 }
 
+/// `none`, `boundary`, `loops:1,2`, `vertices:1,2`.
+pub(super) fn lock(text: &str) -> Result<LockChoice, String> {
+    let vertices = |list: &str| list.split(',').map(|v| vertex(v.trim())).collect::<Result<Vec<u32>, String>>();
+    match text.split_once(':') {
+        None if text == "none" => Ok(LockChoice::Nothing),
+        None if text == "boundary" => Ok(LockChoice::Boundary),
+        Some(("loops", list)) => vertices(list).map(LockChoice::Loops),
+        Some(("vertices", list)) => vertices(list).map(LockChoice::Vertices),
+        _ => Err("use none, boundary, loops:V,... or vertices:V,...".into()),
+    }
+}
+
 fn point(text: &str) -> Result<[f64; 2], String> {
     let (u, v) = text.split_once(',').ok_or_else(|| format!("'{text}' is not a point u,v"))?;
     Ok([number(u.trim())?, number(v.trim())?])
@@ -320,6 +343,8 @@ mod tests {
         assert_eq!(boundary("square"), Ok(BoundaryCurve::Rectangle(Some(1.0))));
         assert_eq!(boundary("rectangle"), Ok(BoundaryCurve::Rectangle(None)));
         assert_eq!(boundary("polygon:0,0;1,0;0,1"), Ok(BoundaryCurve::Polygon(vec![[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])));
+        assert_eq!(lock("loops:3, 4"), Ok(LockChoice::Loops(vec![3, 4])));
+        assert!(["", "loops", "loops:", "vertices:1,-2", "all"].iter().all(|bad| lock(bad).is_err()));
         assert_eq!(outer_loop("longest"), Ok(OuterLoop::Longest));
         for bad in ["", "-1", "3:", "3:1", "3:nan,0", "3:1,2,3", "3:inf,0"] {
             assert!(pin(bad).is_err(), "{bad}");

@@ -1,13 +1,14 @@
 //! The stages that measure: a result against the session's surface, or any mesh against any other.
 
 use super::{import_source_step, search_tree_step};
-use crate::bvh::TriangleBvh;
+use crate::bvh::{TriangleBvh, closest_on_triangle};
 use crate::error::{EngineError, Result};
 use crate::import::ImportOptions;
+use crate::metric::SurfaceMetric;
 use crate::pipeline::context::{Context, Step};
 use crate::pipeline::{Remesh, Surface};
 use crate::quality::seams::{Patched, SeamQuality, measure_seams};
-use crate::quality::{QualityReport, QualityScope, TargetSize, measure_quality};
+use crate::quality::{MeasuredMesh, QualityReport, QualityScope, TargetSize, measure_quality};
 use crate::session::MeshSource;
 use crate::sizing::SizeField;
 use crate::stage::{Stage, StageKey, Stored, Subject};
@@ -19,12 +20,16 @@ pub(in crate::pipeline) fn quality_step(context: &Context<'_>, remesh: &Remesh, 
     let key = StageKey::new(Stage::Quality, |f| {
         f.fingerprint(surface.imported.output).fingerprint(remesh.assembled.output).fingerprint(remesh.result.output);
         f.fingerprint(remesh.sizes.output).u64(scope as u64);
+        if let Some(metric) = &remesh.metric {
+            f.fingerprint(metric.output);
+        }
     });
     context.stage(key, Subject::Surface, |work| {
         let (output, assembled) = (&remesh.result.mesh, &remesh.assembled);
-        let target = |positions: &[Vec3]| match remesh.sizes.uniform {
-            Some(size) => Ok(TargetSize::Uniform(size)),
-            None => sizes_at(surface, &tree.value.output, &remesh.sizes, positions).map(TargetSize::PerVertex),
+        let target = |positions: &[Vec3]| match (&remesh.metric, remesh.sizes.uniform) {
+            (Some(metric), _) => metric_at(surface, &tree.value.output, metric, positions).map(TargetSize::Metric),
+            (None, Some(size)) => Ok(TargetSize::Uniform(size)),
+            (None, None) => sizes_at(surface, &tree.value.output, &remesh.sizes, positions).map(TargetSize::PerVertex),
         };
         let (size, size_before) = (target(&output.positions)?, target(&assembled.positions)?);
         let before = Patched {
@@ -35,9 +40,29 @@ pub(in crate::pipeline) fn quality_step(context: &Context<'_>, remesh: &Remesh, 
         };
         let after = Patched::of(output, &remesh.result.face_patch, &remesh.result.curve_edges);
         let seams = SeamQuality { before: measure_seams(&before, &size_before), after: measure_seams(&after, &size) };
-        let report = measure_quality(&surface.imported.mesh, &tree.value.output, output, Some(&size), scope, work)?;
-        Ok(QualityReport { seams: Some(seams), ..report })
+        let measured = MeasuredMesh { mesh: output, quads: remesh.result.quads };
+        let report = measure_quality(&surface.imported.mesh, &tree.value.output, measured, Some(&size), scope, work)?;
+        // Halves of quadrangles tell nothing of seams.
+        Ok(QualityReport { seams: (remesh.result.quads == 0).then_some(seams), ..report })
     })
+}
+
+/// The size field at the vertices of a result.
+pub(in crate::pipeline) fn result_sizes(context: &Context<'_>, remesh: &Remesh) -> Step<Vec<f64>> {
+    let surface = &remesh.charts.surface;
+    let tree = search_tree_step(context, &surface.imported)?;
+    Ok(sizes_at(surface, &tree.value.output, &remesh.sizes, &remesh.result.mesh.positions)?)
+}
+
+/// The metric at points near the input.
+fn metric_at(surface: &Surface, tree: &TriangleBvh, metric: &SurfaceMetric, points: &[Vec3]) -> Result<Vec<[f64; 6]>> {
+    let input = &surface.imported.mesh;
+    let at = |point: &Vec3| {
+        let hit = tree.closest(*point).ok_or_else(|| EngineError::invariant("the search tree is empty"))?;
+        let (_, barycentric) = closest_on_triangle(*point, &input.corners(hit.face as usize));
+        Ok(metric.at(input, hit.face, barycentric))
+    };
+    points.iter().map(at).collect()
 }
 
 /// The size field at points near the input, linear on the input face below each.

@@ -41,6 +41,25 @@ async fn a_size_change_keeps_partition_and_charts_and_undo_hits_everything() {
 }
 
 #[tokio::test]
+async fn quadrangles_come_with_their_quality_and_share_the_triangles() {
+    let daemon = Daemon::usual().await;
+    let session = daemon.tube(2_000, 1_500).await;
+    assert!(daemon.remesh(&session).await.expect("remesh").quads.is_none());
+    let mesher = v1::MesherSpec { kind: v1::MesherKind::Quads.into(), all_quads: false, ..Default::default() };
+    daemon.change(&session, None, v1::change::Change::Mesher(mesher)).await.expect("change");
+    let result = daemon.remesh(&session).await.expect("remesh");
+    let quads = result.quads.expect("quadrangles");
+    assert_eq!(2 * quads.quads + quads.triangles, result.mesh.expect("mesh").faces);
+    assert!(quads.eta_mean > 0.8 && quads.quads > 10 * quads.triangles, "{quads:?}");
+    let stages = result.summary.expect("summary").stages;
+    let ran: Vec<_> = stages.iter().filter(|s| s.outcome() == v1::StageOutcome::Run).map(|s| s.stage.as_str()).collect();
+    assert_eq!(ran, ["quads", "quality"]);
+    let mesher = v1::MesherSpec { kind: v1::MesherKind::Quads.into(), all_quads: true, ..Default::default() };
+    daemon.change(&session, None, v1::change::Change::Mesher(mesher)).await.expect("change");
+    assert_eq!(daemon.remesh(&session).await.expect("remesh").quads.expect("quadrangles").triangles, 0);
+}
+
+#[tokio::test]
 async fn progress_tells_stages_and_grows() {
     let daemon = Daemon::usual().await;
     let session = daemon.tube(2_000, 1_500).await;

@@ -44,6 +44,10 @@ async fn bad_parameters_name_their_field() {
         assert_eq!(details.bad_request().expect("violations").field_violations[0].field, "size.uniform");
         assert_eq!(details.error_info().expect("info").domain, "remeshd.dev");
     }
+    let mesher = v1::MesherSpec { kind: v1::MesherKind::Frontal.into(), all_quads: true, ..Default::default() };
+    let status = daemon.change(&session, None, v1::change::Change::Mesher(mesher)).await;
+    let status = assert_refused(status, Code::InvalidArgument, "BAD_PARAMETER");
+    assert_eq!(status.get_error_details().bad_request().expect("violations").field_violations[0].field, "mesher.all_quads");
     let rollback = v1::change::Change::Rollback(v1::Rollback { to_revision: 9 });
     assert_refused(daemon.change(&session, None, rollback).await, Code::InvalidArgument, "BAD_PARAMETER");
     let missing = v1::ApplyChangeRequest { session, ..Default::default() };
