@@ -302,6 +302,12 @@ fn a_session_of_a_daemon_step_by_step() {
     has(&["rollback", session, &revision], "with the inputs of");
     let undone = at(&["plan", session, "--json"]).ok();
     assert!(undone.out.contains(r#""runs":0"#), "undo is free: {undone:?}");
+    has(&["undo", session], "1 redone");
+    has(&["redo", session, "--json"], r#""redo_steps":0"#);
+    assert_eq!(at(&["redo", session]).code, Some(1), "nothing is undone");
+    assert_eq!(at(&["undo", session, "--base", "1"]).code, Some(1), "stale");
+    has(&["watch", session, "--after-revision", "0", "--no-stages", "--count", "2"], "revision 1: mesh");
+    has(&["watch", session, "--after-revision", "0", "--count", "1", "--json"], r#""event":"#);
 
     has(&["session", "list"], session);
     has(&["session", "set-ttl", session, "1h"], "3600 s");

@@ -1,7 +1,11 @@
 //! The real `remeshd` as a process: start, messages for wrong settings, signals, and the real `grpcurl` where it is installed.
 
+use remesh_client::{Client, v1};
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Output, Stdio};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::watch;
+use v1::watch_session_response::Event;
 
 /// A running daemon on a free port; killed when dropped.
 struct Daemon {
@@ -154,4 +158,48 @@ fn the_real_grpcurl_works() {
     let file = field(&first, "data");
     let back = format!(r#"{{"data": "{file}", "size": {{"triangles": 800}}, "output_format": "MESH_FORMAT_STL"}}"#);
     assert!(daemon.call("remesh.v1.RemeshService/RemeshMesh", &back).contains("\"topologyKept\": true"), "base64 in and out");
+}
+
+/// Forwards connections to the daemon until told to cut them; then it takes new ones again.
+async fn proxy(listener: TcpListener, target: String, mut cut: watch::Receiver<u32>) {
+    while let Ok((mut near, _)) = listener.accept().await {
+        let mut far = TcpStream::connect(&target).await.expect("the daemon listens");
+        cut.mark_unchanged();
+        let mut cut = cut.clone();
+        tokio::spawn(async move {
+            tokio::select! {
+                _ = tokio::io::copy_bidirectional(&mut near, &mut far) => {}
+                _ = cut.changed() => {}
+            }
+        });
+    }
+}
+
+#[tokio::test]
+async fn a_client_that_watches_goes_on_after_its_connection_broke() {
+    let daemon = Daemon::start();
+    let listener = TcpListener::bind("127.0.0.1:0").await.expect("a free port");
+    let through = listener.local_addr().expect("address").to_string();
+    let (cut, cuts) = watch::channel(0);
+    tokio::spawn(proxy(listener, daemon.address.clone(), cuts));
+    let editor = Client::connect(&daemon.address).await.expect("connects");
+    let session = editor.create_session("", None).await.expect("session").name;
+    let reader = Client::connect(&through).await.expect("connects");
+    let mut events = reader.watch(&session, None, true).await.expect("watch");
+    for revision in 1..=30 {
+        let features = v1::change::Change::Features(v1::FeatureSpec::default());
+        assert_eq!(editor.apply(&session, features, None).await.expect("edit"), revision);
+        if revision % 10 == 5 {
+            cut.send_replace(revision as u32);
+        }
+        if revision % 2 == 0 {
+            for wanted in [revision - 1, revision] {
+                let event = events.next().await.expect("goes on").expect("event");
+                assert_eq!((event.sequence, event.revision), (wanted, wanted), "none is missing, none comes twice");
+            }
+        }
+    }
+    editor.delete_session(&session).await.expect("deleted");
+    assert!(matches!(events.next().await.expect("the end").expect("event").event, Some(Event::SessionClosed(_))));
+    assert!(events.next().await.expect("after the end").is_none());
 }

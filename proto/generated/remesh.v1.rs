@@ -2395,6 +2395,10 @@ pub struct UpdatePatchChartRequest {
     /// default. Empty: all.
     #[prost(message, optional, tag = "5")]
     pub update_mask: ::core::option::Option<::prost_types::FieldMask>,
+    /// Any text of at most 64 characters of the client's own, as a UUID: a request that comes again with it is carried out once and answered
+    /// the same. Empty: none. Kept for the last 256 edits of a session.
+    #[prost(string, tag = "15")]
+    pub request_id: ::prost::alloc::string::String,
 }
 /// Response of UpdatePatchChart.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -2418,6 +2422,10 @@ pub struct ResetPatchChartRequest {
     /// Number of the patch.
     #[prost(uint32, tag = "3")]
     pub patch: u32,
+    /// Any text of at most 64 characters of the client's own, as a UUID: a request that comes again with it is carried out once and answered
+    /// the same. Empty: none. Kept for the last 256 edits of a session.
+    #[prost(string, tag = "15")]
+    pub request_id: ::prost::alloc::string::String,
 }
 /// Response of ResetPatchChart.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -3428,6 +3436,169 @@ pub mod chart_service_server {
         const NAME: &'static str = SERVICE_NAME;
     }
 }
+/// Request of WatchSession.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct WatchSessionRequest {
+    /// Required. `sessions/{id}`.
+    #[prost(string, tag = "1")]
+    pub session: ::prost::alloc::string::String,
+    /// Leaves out what stages do.
+    #[prost(bool, tag = "4")]
+    pub without_stages: bool,
+    /// Where to begin. Not set: with what happens from now on.
+    #[prost(oneof = "watch_session_request::Start", tags = "2, 3")]
+    pub start: ::core::option::Option<watch_session_request::Start>,
+}
+/// Nested message and enum types in `WatchSessionRequest`.
+pub mod watch_session_request {
+    /// Where to begin. Not set: with what happens from now on.
+    #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Oneof)]
+    pub enum Start {
+        /// After this event: to go on after a broken connection. 0: with the oldest event that is kept.
+        #[prost(uint64, tag = "2")]
+        AfterSequence(u64),
+        /// After this revision was made. 0: with the oldest event that is kept.
+        #[prost(uint64, tag = "3")]
+        AfterRevision(u64),
+    }
+}
+/// Response of WatchSession.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct WatchSessionResponse {
+    /// Number of the event, counted from 1 for each session. For `lagged` the number of the last event that was missed.
+    #[prost(uint64, tag = "1")]
+    pub sequence: u64,
+    /// When it happened.
+    #[prost(message, optional, tag = "2")]
+    pub time: ::core::option::Option<::prost_types::Timestamp>,
+    /// The revision it is about.
+    #[prost(uint64, tag = "3")]
+    pub revision: u64,
+    /// What happened.
+    #[prost(oneof = "watch_session_response::Event", tags = "4, 5, 6, 7, 8")]
+    pub event: ::core::option::Option<watch_session_response::Event>,
+}
+/// Nested message and enum types in `WatchSessionResponse`.
+pub mod watch_session_response {
+    /// What happened.
+    #[derive(Clone, PartialEq, ::prost::Oneof)]
+    pub enum Event {
+        /// A new revision.
+        #[prost(message, tag = "4")]
+        RevisionMade(super::RevisionMade),
+        /// A stage began, moved on or ended. Ends are always told, moves at most every 100 ms for each call.
+        #[prost(message, tag = "5")]
+        StageMoved(super::StageMoved),
+        /// A computation ended, well or not.
+        #[prost(message, tag = "6")]
+        WorkEnded(super::WorkEnded),
+        /// Events were missed: the client reads too slowly, or asked for what is no longer kept. Read the session again.
+        #[prost(message, tag = "7")]
+        Lagged(super::Lagged),
+        /// The session is over; the last event.
+        #[prost(message, tag = "8")]
+        SessionClosed(super::SessionClosed),
+    }
+}
+/// A new revision of a session.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct RevisionMade {
+    /// The revision before.
+    #[prost(uint64, tag = "1")]
+    pub base_revision: u64,
+    /// What changed: `mesh`, `features`, `partition`, `charts`, `patch_chart`, `patch_edits`, `size`, ... or `undo`, `redo`, `rollback`.
+    #[prost(string, repeated, tag = "2")]
+    pub changes: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
+    /// `request_id` of the request that made it; empty if it had none.
+    #[prost(string, tag = "3")]
+    pub request_id: ::prost::alloc::string::String,
+    /// Who made it; empty if the daemon knows no names.
+    #[prost(string, tag = "4")]
+    pub author: ::prost::alloc::string::String,
+}
+/// A stage of a computation.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct StageMoved {
+    /// Number of the call it belongs to, as in `WorkEnded`.
+    #[prost(uint64, tag = "1")]
+    pub call: u64,
+    /// How far it is. `total_fraction` is of the call.
+    #[prost(message, optional, tag = "2")]
+    pub progress: ::core::option::Option<Progress>,
+}
+/// The end of a computation.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct WorkEnded {
+    /// Number of the call.
+    #[prost(uint64, tag = "1")]
+    pub call: u64,
+    /// Method of the call, as in `RemeshSurface`.
+    #[prost(string, tag = "2")]
+    pub method: ::prost::alloc::string::String,
+    /// gRPC status code; 0 if it ended well.
+    #[prost(int32, tag = "3")]
+    pub code: i32,
+    /// Reason as in `google.rpc.ErrorInfo`; empty if it ended well.
+    #[prost(string, tag = "4")]
+    pub reason: ::prost::alloc::string::String,
+    /// What went wrong; empty if it ended well.
+    #[prost(string, tag = "5")]
+    pub message: ::prost::alloc::string::String,
+    /// How long it took.
+    #[prost(double, tag = "6")]
+    pub milliseconds: f64,
+}
+/// Events were missed.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct Lagged {
+    /// How many events; 0 if that is not known (another run of the daemon).
+    #[prost(uint64, tag = "1")]
+    pub missed: u64,
+}
+/// The end of a session.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct SessionClosed {
+    /// Why.
+    #[prost(enumeration = "SessionEnd", tag = "1")]
+    pub reason: i32,
+}
+/// Why a session ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum SessionEnd {
+    /// Never sent.
+    Unspecified = 0,
+    /// A client deleted it.
+    Deleted = 1,
+    /// Nobody used it for its TTL.
+    Expired = 2,
+    /// The daemon shuts down. The session may be there again when it is back.
+    Shutdown = 3,
+}
+impl SessionEnd {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "SESSION_END_UNSPECIFIED",
+            Self::Deleted => "SESSION_END_DELETED",
+            Self::Expired => "SESSION_END_EXPIRED",
+            Self::Shutdown => "SESSION_END_SHUTDOWN",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "SESSION_END_UNSPECIFIED" => Some(Self::Unspecified),
+            "SESSION_END_DELETED" => Some(Self::Deleted),
+            "SESSION_END_EXPIRED" => Some(Self::Expired),
+            "SESSION_END_SHUTDOWN" => Some(Self::Shutdown),
+            _ => None,
+        }
+    }
+}
 /// A session.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct Session {
@@ -3458,6 +3629,12 @@ pub struct Session {
     /// The oldest revision a rollback can reach.
     #[prost(uint64, tag = "9")]
     pub oldest_revision: u64,
+    /// How many changes can be undone, one after the other.
+    #[prost(uint32, tag = "10")]
+    pub undo_steps: u32,
+    /// How many undos can be taken back.
+    #[prost(uint32, tag = "11")]
+    pub redo_steps: u32,
 }
 /// The numbers of a mesh.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -3618,6 +3795,10 @@ pub struct ApplyChangeRequest {
     /// Required. The change.
     #[prost(message, optional, tag = "3")]
     pub change: ::core::option::Option<Change>,
+    /// Any text of at most 64 characters of the client's own, as a UUID: a request that comes again with it is carried out once and answered
+    /// the same. Empty: none. Kept for the last 256 edits of a session.
+    #[prost(string, tag = "15")]
+    pub request_id: ::prost::alloc::string::String,
 }
 /// Response of ApplyChange.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
@@ -3625,6 +3806,60 @@ pub struct ApplyChangeResponse {
     /// The new revision.
     #[prost(uint64, tag = "1")]
     pub revision: u64,
+}
+/// Request of UndoChange.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct UndoChangeRequest {
+    /// Required. `sessions/{id}`.
+    #[prost(string, tag = "1")]
+    pub session: ::prost::alloc::string::String,
+    /// The revision the undo was made for. Not set: whichever is current.
+    #[prost(uint64, optional, tag = "2")]
+    pub base_revision: ::core::option::Option<u64>,
+    /// Any text of at most 64 characters of the client's own, as a UUID: a request that comes again with it is carried out once and answered
+    /// the same. Empty: none. Kept for the last 256 edits of a session.
+    #[prost(string, tag = "15")]
+    pub request_id: ::prost::alloc::string::String,
+}
+/// Response of UndoChange.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct UndoChangeResponse {
+    /// The new revision.
+    #[prost(uint64, tag = "1")]
+    pub revision: u64,
+    /// How many changes can be undone now.
+    #[prost(uint32, tag = "2")]
+    pub undo_steps: u32,
+    /// How many undos can be taken back now.
+    #[prost(uint32, tag = "3")]
+    pub redo_steps: u32,
+}
+/// Request of RedoChange.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct RedoChangeRequest {
+    /// Required. `sessions/{id}`.
+    #[prost(string, tag = "1")]
+    pub session: ::prost::alloc::string::String,
+    /// The revision the redo was made for. Not set: whichever is current.
+    #[prost(uint64, optional, tag = "2")]
+    pub base_revision: ::core::option::Option<u64>,
+    /// Any text of at most 64 characters of the client's own, as a UUID: a request that comes again with it is carried out once and answered
+    /// the same. Empty: none. Kept for the last 256 edits of a session.
+    #[prost(string, tag = "15")]
+    pub request_id: ::prost::alloc::string::String,
+}
+/// Response of RedoChange.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct RedoChangeResponse {
+    /// The new revision.
+    #[prost(uint64, tag = "1")]
+    pub revision: u64,
+    /// How many changes can be undone now.
+    #[prost(uint32, tag = "2")]
+    pub undo_steps: u32,
+    /// How many undos can be taken back now.
+    #[prost(uint32, tag = "3")]
+    pub redo_steps: u32,
 }
 /// Generated client implementations.
 pub mod session_service_client {
@@ -3869,6 +4104,84 @@ pub mod session_service_client {
                 .insert(GrpcMethod::new("remesh.v1.SessionService", "ApplyChange"));
             self.inner.unary(req, path, codec).await
         }
+        /// Takes the last change back: a new revision with the inputs before it, whose results are found in the cache. FAILED_PRECONDITION with
+        /// reason NOTHING_TO_STEP_TO if there is none.
+        pub async fn undo_change(
+            &mut self,
+            request: impl tonic::IntoRequest<super::UndoChangeRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::UndoChangeResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.SessionService/UndoChange",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.SessionService", "UndoChange"));
+            self.inner.unary(req, path, codec).await
+        }
+        /// Takes the last undo back. Any other change forgets what could be redone.
+        pub async fn redo_change(
+            &mut self,
+            request: impl tonic::IntoRequest<super::RedoChangeRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::RedoChangeResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.SessionService/RedoChange",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.SessionService", "RedoChange"));
+            self.inner.unary(req, path, codec).await
+        }
+        /// Tells what happens to a session, as it happens: new revisions, stages, ends of work. The stream ends with the session, or the daemon. A
+        /// client that reads slowly slows nothing down: it misses events and is told how many. Watching is no use of the session.
+        /// RESOURCE_EXHAUSTED if too many watch.
+        pub async fn watch_session(
+            &mut self,
+            request: impl tonic::IntoRequest<super::WatchSessionRequest>,
+        ) -> std::result::Result<
+            tonic::Response<tonic::codec::Streaming<super::WatchSessionResponse>>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.SessionService/WatchSession",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.SessionService", "WatchSession"));
+            self.inner.server_streaming(req, path, codec).await
+        }
     }
 }
 /// Generated server implementations.
@@ -3931,6 +4244,39 @@ pub mod session_service_server {
             request: tonic::Request<super::ApplyChangeRequest>,
         ) -> std::result::Result<
             tonic::Response<super::ApplyChangeResponse>,
+            tonic::Status,
+        >;
+        /// Takes the last change back: a new revision with the inputs before it, whose results are found in the cache. FAILED_PRECONDITION with
+        /// reason NOTHING_TO_STEP_TO if there is none.
+        async fn undo_change(
+            &self,
+            request: tonic::Request<super::UndoChangeRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::UndoChangeResponse>,
+            tonic::Status,
+        >;
+        /// Takes the last undo back. Any other change forgets what could be redone.
+        async fn redo_change(
+            &self,
+            request: tonic::Request<super::RedoChangeRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::RedoChangeResponse>,
+            tonic::Status,
+        >;
+        /// Server streaming response type for the WatchSession method.
+        type WatchSessionStream: tonic::codegen::tokio_stream::Stream<
+                Item = std::result::Result<super::WatchSessionResponse, tonic::Status>,
+            >
+            + std::marker::Send
+            + 'static;
+        /// Tells what happens to a session, as it happens: new revisions, stages, ends of work. The stream ends with the session, or the daemon. A
+        /// client that reads slowly slows nothing down: it misses events and is told how many. Watching is no use of the session.
+        /// RESOURCE_EXHAUSTED if too many watch.
+        async fn watch_session(
+            &self,
+            request: tonic::Request<super::WatchSessionRequest>,
+        ) -> std::result::Result<
+            tonic::Response<Self::WatchSessionStream>,
             tonic::Status,
         >;
     }
@@ -4281,6 +4627,142 @@ pub mod session_service_server {
                     };
                     Box::pin(fut)
                 }
+                "/remesh.v1.SessionService/UndoChange" => {
+                    #[allow(non_camel_case_types)]
+                    struct UndoChangeSvc<T: SessionService>(pub Arc<T>);
+                    impl<
+                        T: SessionService,
+                    > tonic::server::UnaryService<super::UndoChangeRequest>
+                    for UndoChangeSvc<T> {
+                        type Response = super::UndoChangeResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::UndoChangeRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as SessionService>::undo_change(&inner, request).await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = UndoChangeSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/remesh.v1.SessionService/RedoChange" => {
+                    #[allow(non_camel_case_types)]
+                    struct RedoChangeSvc<T: SessionService>(pub Arc<T>);
+                    impl<
+                        T: SessionService,
+                    > tonic::server::UnaryService<super::RedoChangeRequest>
+                    for RedoChangeSvc<T> {
+                        type Response = super::RedoChangeResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::RedoChangeRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as SessionService>::redo_change(&inner, request).await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = RedoChangeSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/remesh.v1.SessionService/WatchSession" => {
+                    #[allow(non_camel_case_types)]
+                    struct WatchSessionSvc<T: SessionService>(pub Arc<T>);
+                    impl<
+                        T: SessionService,
+                    > tonic::server::ServerStreamingService<super::WatchSessionRequest>
+                    for WatchSessionSvc<T> {
+                        type Response = super::WatchSessionResponse;
+                        type ResponseStream = T::WatchSessionStream;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::ResponseStream>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::WatchSessionRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as SessionService>::watch_session(&inner, request).await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = WatchSessionSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.server_streaming(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
                 _ => {
                     Box::pin(async move {
                         let mut response = http::Response::new(
@@ -4413,6 +4895,10 @@ pub struct ImportMeshRequest {
     /// How to read.
     #[prost(message, optional, tag = "7")]
     pub options: ::core::option::Option<ImportOptions>,
+    /// Any text of at most 64 characters of the client's own, as a UUID: a request that comes again with it is carried out once and answered
+    /// the same. Empty: none. Kept for the last 256 edits of a session.
+    #[prost(string, tag = "15")]
+    pub request_id: ::prost::alloc::string::String,
     /// Required. The surface.
     #[prost(oneof = "import_mesh_request::Source", tags = "3, 4, 5, 6")]
     pub source: ::core::option::Option<import_mesh_request::Source>,
@@ -5652,6 +6138,10 @@ pub struct SplitPatchRequest {
     /// Number of the patch.
     #[prost(uint32, tag = "3")]
     pub patch: u32,
+    /// Any text of at most 64 characters of the client's own, as a UUID: a request that comes again with it is carried out once and answered
+    /// the same. Empty: none. Kept for the last 256 edits of a session.
+    #[prost(string, tag = "15")]
+    pub request_id: ::prost::alloc::string::String,
     /// How. Default: BALANCED.
     #[prost(oneof = "split_patch_request::How", tags = "4, 5")]
     pub how: ::core::option::Option<split_patch_request::How>,
@@ -5700,6 +6190,10 @@ pub struct MergePatchesRequest {
     /// Numbers of two or more patches that hang together.
     #[prost(uint32, repeated, tag = "3")]
     pub patches: ::prost::alloc::vec::Vec<u32>,
+    /// Any text of at most 64 characters of the client's own, as a UUID: a request that comes again with it is carried out once and answered
+    /// the same. Empty: none. Kept for the last 256 edits of a session.
+    #[prost(string, tag = "15")]
+    pub request_id: ::prost::alloc::string::String,
 }
 /// Response of MergePatches.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -5735,6 +6229,10 @@ pub struct ReassignFacesRequest {
     /// Number of the patch that gets them.
     #[prost(uint32, tag = "4")]
     pub patch: u32,
+    /// Any text of at most 64 characters of the client's own, as a UUID: a request that comes again with it is carried out once and answered
+    /// the same. Empty: none. Kept for the last 256 edits of a session.
+    #[prost(string, tag = "15")]
+    pub request_id: ::prost::alloc::string::String,
 }
 /// Response of ReassignFaces.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -5764,6 +6262,10 @@ pub struct ResetPatchesRequest {
     /// As in SplitPatch.
     #[prost(uint64, optional, tag = "2")]
     pub base_revision: ::core::option::Option<u64>,
+    /// Any text of at most 64 characters of the client's own, as a UUID: a request that comes again with it is carried out once and answered
+    /// the same. Empty: none. Kept for the last 256 edits of a session.
+    #[prost(string, tag = "15")]
+    pub request_id: ::prost::alloc::string::String,
 }
 /// Response of ResetPatches.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]

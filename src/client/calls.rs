@@ -89,8 +89,12 @@ impl Client {
     /// # Errors
     /// `STALE_REVISION` if somebody changed the session first, `BAD_PARAMETER` with the field.
     pub async fn apply(&self, session: &str, change: v1::change::Change, base: Option<u64>) -> Result<u64> {
-        let request =
-            v1::ApplyChangeRequest { session: session.to_owned(), base_revision: base, change: Some(v1::Change { change: Some(change) }) };
+        let request = v1::ApplyChangeRequest {
+            session: session.to_owned(),
+            base_revision: base,
+            change: Some(v1::Change { change: Some(change) }),
+            ..Default::default()
+        };
         Ok(self.sessions().apply_change(request).await?.into_inner().revision)
     }
 

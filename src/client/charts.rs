@@ -107,8 +107,14 @@ impl Client {
         base: Option<u64>,
     ) -> Result<v1::UpdatePatchChartResponse> {
         let update_mask = edit.mask();
-        let request =
-            v1::UpdatePatchChartRequest { session: session.to_owned(), base_revision: base, patch, spec: Some(edit.spec), update_mask };
+        let request = v1::UpdatePatchChartRequest {
+            session: session.to_owned(),
+            base_revision: base,
+            patch,
+            spec: Some(edit.spec),
+            update_mask,
+            ..Default::default()
+        };
         Ok(self.charts().update_patch_chart(request).await?.into_inner())
     }
 
@@ -117,7 +123,7 @@ impl Client {
     /// # Errors
     /// `PATCH_NOT_FOUND`, `STALE_REVISION`.
     pub async fn reset_patch_chart(&self, session: &str, patch: u32, base: Option<u64>) -> Result<v1::ResetPatchChartResponse> {
-        let request = v1::ResetPatchChartRequest { session: session.to_owned(), base_revision: base, patch };
+        let request = v1::ResetPatchChartRequest { session: session.to_owned(), base_revision: base, patch, ..Default::default() };
         Ok(self.charts().reset_patch_chart(request).await?.into_inner())
     }
 

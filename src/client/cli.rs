@@ -5,6 +5,7 @@ mod charts;
 mod context;
 mod failure;
 mod files;
+mod history;
 mod inspect;
 mod json;
 mod patches;
@@ -116,6 +117,7 @@ fn needs_daemon(command: &Command) -> bool {
         Command::Session(_) | Command::Import(_) | Command::Set(_) | Command::Partition(_) | Command::Patch(_) => true,
         Command::Chart(args) => args.verb.is_some() || args.all.target.as_deref().is_some_and(args::names_session),
         Command::Remesh(_) | Command::Plan(_) | Command::Export(_) | Command::Rollback(_) => true,
+        Command::History(_) => true,
         Command::Quality(args) => args.session.is_some(),
         Command::Diagnose(args) => args.session.is_some(),
         Command::Render(args) => args.session.is_some(),
@@ -160,6 +162,7 @@ async fn execute(context: &Context, command: &Command) -> Outcome<u8> {
         Command::Remesh(args) => answer(steps::remesh(context, args).await?),
         Command::Plan(name) => answer(steps::plan(context, &name.session).await?),
         Command::Export(args) => done(steps::export(context, args).await?),
+        Command::History(verb) => answer(history::verb(context, verb).await?),
         Command::Rollback(args) => answer(steps::rollback(context, args).await?),
     }
 }

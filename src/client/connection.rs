@@ -1,8 +1,10 @@
 //! The connection to a daemon and the generated stubs on it.
 
+use crate::credentials::{Bearer, Credentials};
 use crate::error::{ClientError, Result, root_cause};
 use remesh_proto::v1;
 use std::time::Duration;
+use tonic::service::interceptor::InterceptedService;
 use tonic::transport::{Channel, Endpoint};
 use v1::capability_service_client::CapabilityServiceClient;
 use v1::chart_service_client::ChartServiceClient;
@@ -21,25 +23,42 @@ const KEEP_ALIVE: Duration = Duration::from_secs(30);
 /// Room for a status with a hundred places in its details.
 const MAX_HEADER_BYTES: u32 = 256 << 10;
 
+/// What the stubs talk through: a channel that puts the token into each call.
+pub type Transport = InterceptedService<Channel, Bearer>;
+
 /// A connection to a daemon. Cheap to clone; clones share the connection, and calls may run at the same time.
 #[derive(Debug, Clone)]
 pub struct Client {
-    channel: Channel,
+    channel: Transport,
     endpoint: Option<String>,
 }
 
 impl Client {
-    /// Connects to `http://host:port`, `unix:///path` or plain `host:port`.
+    /// Connects to `http://host:port`, `unix:///path` or plain `host:port`, as nobody.
     ///
     /// # Errors
     /// [`ClientError::BadEndpoint`], and [`ClientError::Unreachable`] if nobody answers within five seconds.
     pub async fn connect(endpoint: &str) -> Result<Self> {
+        Self::connect_with(endpoint, &Credentials::default()).await
+    }
+
+    /// The same with credentials, and to `https://host:port`.
+    ///
+    /// # Errors
+    /// Those of [`Client::connect`]; [`ClientError::BadEndpoint`] also for `https` without authorities to trust, and for certificates
+    /// without `https`.
+    pub async fn connect_with(endpoint: &str, credentials: &Credentials) -> Result<Self> {
         let url = if endpoint.contains("://") || endpoint.starts_with("unix:") { endpoint.into() } else { format!("http://{endpoint}") };
         let bad = |cause: String| ClientError::BadEndpoint { endpoint: endpoint.to_owned(), cause };
-        if url.starts_with("https:") {
-            return Err(bad("this client speaks plaintext only; use a proxy or a tunnel for TLS".into()));
+        let is_tls = url.starts_with("https:");
+        let mut parsed = Endpoint::new(url).map_err(|error| bad(root_cause(&error)))?;
+        match credentials.tls() {
+            Some(tls) if is_tls => parsed = parsed.tls_config(tls).map_err(|error| bad(root_cause(&error)))?,
+            None if is_tls => return Err(bad("https needs the authorities to trust (--tls-ca)".into())),
+            _ if credentials.need_tls() => return Err(bad("certificates are for https".into())),
+            _ => {}
         }
-        let parsed = Endpoint::new(url).map_err(|error| bad(root_cause(&error)))?;
+        let bearer = credentials.bearer().map_err(bad)?;
         let channel = parsed
             .connect_timeout(CONNECT_TIMEOUT)
             .http2_keep_alive_interval(KEEP_ALIVE)
@@ -48,12 +67,12 @@ impl Client {
             .connect()
             .await
             .map_err(|error| ClientError::Unreachable { endpoint: Some(endpoint.to_owned()), cause: root_cause(&error) })?;
-        Ok(Client { channel, endpoint: Some(endpoint.to_owned()) })
+        Ok(Client { channel: InterceptedService::new(channel, bearer), endpoint: Some(endpoint.to_owned()) })
     }
 
     /// Uses a channel that was made elsewhere, for example to a daemon in the same process.
     pub fn from_channel(channel: Channel) -> Self {
-        Client { channel, endpoint: None }
+        Client { channel: InterceptedService::new(channel, Bearer::default()), endpoint: None }
     }
 
     /// What [`Client::connect`] was called with.
@@ -62,37 +81,37 @@ impl Client {
     }
 
     /// The generated stub of the session service, for calls that have no method here.
-    pub fn sessions(&self) -> SessionServiceClient<Channel> {
+    pub fn sessions(&self) -> SessionServiceClient<Transport> {
         SessionServiceClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
     }
 
     /// The generated stub of the mesh service.
-    pub fn meshes(&self) -> MeshServiceClient<Channel> {
+    pub fn meshes(&self) -> MeshServiceClient<Transport> {
         MeshServiceClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
     }
 
     /// The generated stub of the partition service.
-    pub fn partitions(&self) -> PartitionServiceClient<Channel> {
+    pub fn partitions(&self) -> PartitionServiceClient<Transport> {
         PartitionServiceClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
     }
 
     /// The generated stub of the chart service.
-    pub fn charts(&self) -> ChartServiceClient<Channel> {
+    pub fn charts(&self) -> ChartServiceClient<Transport> {
         ChartServiceClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
     }
 
     /// The generated stub of the remesh service.
-    pub fn remeshing(&self) -> RemeshServiceClient<Channel> {
+    pub fn remeshing(&self) -> RemeshServiceClient<Transport> {
         RemeshServiceClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
     }
 
     /// The generated stub of the quality service.
-    pub fn qualities(&self) -> QualityServiceClient<Channel> {
+    pub fn qualities(&self) -> QualityServiceClient<Transport> {
         QualityServiceClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
     }
 
     /// The generated stub of the capability service.
-    pub fn capability_service(&self) -> CapabilityServiceClient<Channel> {
+    pub fn capability_service(&self) -> CapabilityServiceClient<Transport> {
         CapabilityServiceClient::new(self.channel.clone())
     }
 }

@@ -243,8 +243,9 @@ impl fmt::Display for CallError {
 impl From<Status> for ClientError {
     fn from(status: Status) -> Self {
         let call = CallError::from_status(&status);
-        // A daemon that shuts down answers UNAVAILABLE with a reason; without one the status was made on this side.
-        if call.code == Code::Unavailable && call.reason.is_none() {
+        // A daemon that shuts down answers UNAVAILABLE with a reason; without one the status was made on this side. So was one with a cause.
+        let is_broken = call.code == Code::Unavailable || std::error::Error::source(&status).is_some();
+        if is_broken && call.reason.is_none() {
             return ClientError::Unreachable { endpoint: None, cause: root_cause(&status) };
         }
         ClientError::Call(Box::new(call))

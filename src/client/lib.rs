@@ -35,7 +35,9 @@ mod arrays;
 mod calls;
 mod charts;
 mod connection;
+mod credentials;
 mod error;
+mod history;
 mod patches;
 mod transfer;
 
@@ -44,8 +46,10 @@ pub mod cli;
 
 pub use arrays::{MeshColumns, MeshData, pack_f64, pack_u32};
 pub use charts::{ChartData, ChartEdit, ChartPreview, FaceDistortion};
-pub use connection::{Client, MAX_MESSAGE_BYTES};
+pub use connection::{Client, MAX_MESSAGE_BYTES, Transport};
+pub use credentials::{Bearer, Credentials};
 pub use error::{CallError, ClientError, FieldError, Place, PlaceElement, Result};
+pub use history::SessionEvents;
 pub use remesh_proto::v1;
 pub use tonic::transport::Channel;
 pub use transfer::{CHUNK_BYTES, Exported, Source};

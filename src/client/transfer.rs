@@ -83,8 +83,13 @@ impl Client {
     /// # Errors
     /// Of the file (`FORMAT_MALFORMED`, `FORMAT_UNSUPPORTED`, `NON_FINITE`, `EMPTY_MESH`, ...), of the session and of limits.
     pub async fn import(&self, session: &str, source: Source, options: v1::ImportOptions) -> Result<v1::ImportMeshResponse> {
-        let request =
-            v1::ImportMeshRequest { session: session.to_owned(), base_revision: None, source: Some(source.into()), options: Some(options) };
+        let request = v1::ImportMeshRequest {
+            session: session.to_owned(),
+            base_revision: None,
+            source: Some(source.into()),
+            options: Some(options),
+            ..Default::default()
+        };
         Ok(self.meshes().import_mesh(request).await?.into_inner())
     }
 

@@ -72,6 +72,8 @@ pub enum Reason {
     PatchNotFound,
     /// The base revision of a change is not the current one.
     StaleRevision,
+    /// There is nothing to undo or to redo.
+    NothingToStepTo,
     /// A memory, size or count limit was reached.
     LimitReached,
     /// The caller cancelled the work.
@@ -108,6 +110,7 @@ impl Reason {
             Reason::BlobNotFound => "BLOB_NOT_FOUND",
             Reason::PatchNotFound => "PATCH_NOT_FOUND",
             Reason::StaleRevision => "STALE_REVISION",
+            Reason::NothingToStepTo => "NOTHING_TO_STEP_TO",
             Reason::LimitReached => "LIMIT_REACHED",
             Reason::Cancelled => "CANCELLED",
             Reason::DeadlineExceeded => "DEADLINE_EXCEEDED",
@@ -133,7 +136,8 @@ impl Reason {
             | Reason::ChartFailed
             | Reason::SolverSingular
             | Reason::PlanarMeshFailed
-            | Reason::NoMesh => ErrorKind::FailedPrecondition,
+            | Reason::NoMesh
+            | Reason::NothingToStepTo => ErrorKind::FailedPrecondition,
             Reason::SessionNotFound | Reason::SessionExpired | Reason::BlobNotFound | Reason::PatchNotFound => ErrorKind::NotFound,
             Reason::StaleRevision => ErrorKind::Aborted,
             Reason::LimitReached => ErrorKind::ResourceExhausted,

@@ -1,6 +1,10 @@
 //! Sessions: the inputs of a remeshing job, their revisions and immutable snapshots. A session holds inputs only; all else is
 //! derived and can be dropped and recomputed bit for bit.
 
+mod history;
+
+pub use history::{Edit, Steps};
+
 use crate::error::{EngineError, Reason, Result};
 use crate::features::FeatureSpec;
 use crate::fingerprint::{Contents, Feeder, Fingerprint};
@@ -238,6 +242,8 @@ fn set_patch_chart(next: &mut Snapshot, patch: Fingerprint, spec: Option<&ChartS
 struct State {
     /// Kept snapshots, oldest first; the last is the current one. Never empty.
     history: VecDeque<Arc<Snapshot>>,
+    /// Where undo and redo lead.
+    steps: history::Stacks,
     ttl: Duration,
     last_used: SystemTime,
 }
@@ -261,7 +267,7 @@ impl Session {
     /// An empty session; lives for `ttl` after its last use.
     pub fn new(id: String, ttl: Duration, now: SystemTime) -> Self {
         let history = VecDeque::from([Arc::new(Snapshot::empty())]);
-        Session { id, created: now, state: Mutex::new(State { history, ttl, last_used: now }) }
+        Session { id, created: now, state: Mutex::new(State { history, steps: history::Stacks::default(), ttl, last_used: now }) }
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {
@@ -290,16 +296,11 @@ impl Session {
     /// [`Reason::StaleRevision`] with the current revision as metadata; [`Reason::BadParameter`] for an unknown rollback revision or a
     /// chart specification that contradicts itself; [`Reason::LimitReached`] for more than [`MAX_PATCH_CHARTS`] or [`MAX_PATCH_EDITS`].
     pub fn apply(&self, base: Option<Revision>, changes: &[Change]) -> Result<Revision> {
-        let mut state = self.lock();
-        let current = state.history.back().expect("history is never empty").clone();
-        if let Some(base) = base.filter(|&base| base != current.revision) {
-            let message = format!("the change is based on revision {}, the session is at {}", base.0, current.revision.0);
-            return Err(EngineError::new(Reason::StaleRevision, message)
-                .with_hint("read the session again and repeat the change on its current revision")
-                .with_metadata("base_revision", base.0)
-                .with_metadata("current_revision", current.revision.0));
-        }
-        let mut next = Snapshot::clone(&current);
+        self.edit(base, Edit::Changes(changes), |_| Ok(()))
+    }
+
+    fn changed(state: &State, current: &Snapshot, changes: &[Change]) -> Result<Snapshot> {
+        let mut next = Snapshot::clone(current);
         for change in changes {
             match change {
                 Change::Mesh { source, options } => (next.source, next.import) = (Some(source.clone()), options.clone()),
@@ -332,13 +333,7 @@ impl Session {
                 }
             }
         }
-        next.revision = Revision(current.revision.0 + 1);
-        let revision = next.revision;
-        state.history.push_back(Arc::new(next));
-        while state.history.len() > KEPT_REVISIONS {
-            state.history.pop_front();
-        }
-        Ok(revision)
+        Ok(next)
     }
 
     /// Marks the session as used.
@@ -368,7 +363,7 @@ impl Session {
         let state = self.lock();
         let mut seen: Vec<Fingerprint> = Vec::new();
         let mut total = 0;
-        for source in state.history.iter().filter_map(|s| s.source.as_ref()) {
+        for source in state.history.iter().chain(state.steps.all()).filter_map(|s| s.source.as_ref()) {
             let mut feeder = Feeder::new();
             source.feed(&mut feeder);
             let fingerprint = feeder.finish();

@@ -1,5 +1,6 @@
 //! Settings of the server. Everything that a test wants to choose is here: limits, the clock, grace periods.
 
+use crate::security::Security;
 use remesh_engine::engine::EngineConfig;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
@@ -47,12 +48,18 @@ pub struct ServerConfig {
     pub max_running_short: usize,
     /// Calls that wait for one of those places; more are refused.
     pub max_queued: usize,
+    /// Streams of session events that may be open; more are refused.
+    pub max_watchers: usize,
     /// How long running calls may go on after shutdown was asked for; then they are cancelled.
     pub grace: Duration,
     /// How often expired sessions are removed.
     pub sweep_interval: Duration,
     /// The time of day.
     pub clock: Clock,
+    /// Who may call, and over what; by default anybody, in the clear.
+    pub security: Security,
+    /// How often the files of `security` are looked at.
+    pub reload_interval: Duration,
 }
 
 impl Default for ServerConfig {
@@ -64,9 +71,12 @@ impl Default for ServerConfig {
             max_running: 2,
             max_running_short: 4,
             max_queued: 64,
+            max_watchers: 1024,
             grace: Duration::from_secs(10),
             sweep_interval: Duration::from_secs(30),
             clock: Clock::default(),
+            security: Security::default(),
+            reload_interval: Duration::from_secs(10),
         }
     }
 }

@@ -1,8 +1,11 @@
 //! Calls and the compute pool: who may compute when, how a call is stopped, and what the log says of its end.
 
+use crate::answers::{Once, Open};
+use crate::caller::Caller;
+use crate::desk::{Desk, Target, short_id};
 use crate::progress::Meter;
-use crate::state::{Shared, Target};
-use crate::status::{Fault, log_end, status_of};
+use crate::state::Shared;
+use crate::status::{Fault, Told, code_name, log_end, status_of};
 use crate::stream::{Chunks, Watch};
 use remesh_engine::EngineError;
 use remesh_engine::error::{Reason, Result as EngineResult};
@@ -20,6 +23,7 @@ use tokio::sync::{Semaphore, mpsc};
 use tonic::metadata::MetadataMap;
 use tonic::{Request, Response, Status};
 use tracing::{Instrument, Span};
+use v1::watch_session_response::Event;
 
 /// How long a computation is likely to take; long ones must not keep short ones waiting.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -97,6 +101,11 @@ impl Pool {
         self.running.load(Ordering::Relaxed)
     }
 
+    /// Whether new calls are refused.
+    pub(crate) fn is_draining(&self) -> bool {
+        self.draining.load(Ordering::Relaxed)
+    }
+
     /// Refuses new calls from now on.
     pub(crate) fn drain(&self) {
         self.draining.store(true, Ordering::Relaxed);
@@ -137,6 +146,10 @@ pub(crate) struct Call {
     span: Span,
     begin: Instant,
     ended: bool,
+    method: &'static str,
+    caller: Caller,
+    /// What belongs to the session of the call, and the revision that the call is for.
+    desk: Option<(Arc<Desk>, u64)>,
 }
 
 impl Drop for Call {
@@ -146,6 +159,7 @@ impl Drop for Call {
         if !self.ended {
             let _entered = self.span.enter();
             tracing::debug!(milliseconds = self.milliseconds(), "the client went away");
+            self.shared.metrics.call(self.method, "Cancelled", self.milliseconds());
         }
     }
 }
@@ -158,10 +172,18 @@ impl Call {
         let deadline = timeout_of(request.metadata()).and_then(|timeout| begin.checked_add(timeout));
         let token = deadline.into_iter().fold(CancelToken::new(), CancelToken::with_deadline);
         shared.pool.calls().insert(id, token.clone());
-        let span = tracing::info_span!("call", method, id, session = tracing::field::Empty, revision = tracing::field::Empty);
-        let mut call = Call { shared: shared.clone(), id, token, deadline, span, begin, ended: false };
+        let caller = request.extensions().get::<Caller>().cloned().unwrap_or_default();
+        let empty = tracing::field::Empty;
+        let span = tracing::info_span!("call", method, id, peer = empty, caller = empty, session = empty, revision = empty);
+        if let Some(peer) = request.remote_addr() {
+            span.record("peer", tracing::field::display(peer));
+        }
+        if !caller.name().is_empty() {
+            span.record("caller", caller.name());
+        }
+        let mut call = Call { shared: shared.clone(), id, token, deadline, span, begin, ended: false, method, caller, desk: None };
         // Looked at after the call is in the table, so that it is either refused here or seen by `cancel_all`.
-        if shared.pool.draining.load(Ordering::Relaxed) {
+        if shared.pool.is_draining() {
             return Err(call.end(&Fault::Draining));
         }
         Ok(call)
@@ -175,6 +197,7 @@ impl Call {
         self.ended = true;
         let _entered = self.span.enter();
         log_end(Some(fault), self.milliseconds());
+        self.shared.metrics.call(self.method, code_name(fault), self.milliseconds());
         status_of(fault)
     }
 
@@ -185,6 +208,7 @@ impl Call {
                 self.ended = true;
                 let _entered = self.span.enter();
                 log_end(None, self.milliseconds());
+                self.shared.metrics.call(self.method, "OK", self.milliseconds());
                 drop(_entered);
                 Ok(Response::new(value))
             }
@@ -197,18 +221,46 @@ impl Call {
         result.map_err(|error| self.end(&error.into()))
     }
 
+    /// Who calls.
+    pub(crate) fn caller(&self) -> &Caller {
+        &self.caller
+    }
+
     /// The session that the call names, or the end of the call.
     pub(crate) fn target(&mut self, session: &str, expected_revision: Option<u64>) -> Result<Target, Status> {
-        let target = self.shared.target(session, expected_revision);
+        self.target_of_edit(session, expected_revision, &Open::default())
+    }
+
+    /// The session that an edit names, or the end of the call.
+    pub(crate) fn target_of_edit(&mut self, session: &str, base_revision: Option<u64>, open: &Open) -> Result<Target, Status> {
+        let target = self.shared.target(session, base_revision, &self.caller, open.id());
         let target = self.check(target)?;
-        // Session ids are keys to the session: the log has only as much as is needed to tell them apart.
-        self.span.record("session", target.session.id.get(..8).unwrap_or(&target.session.id)).record("revision", target.revision());
+        self.span.record("session", short_id(&target.session)).record("revision", target.revision());
+        self.desk = Some((target.desk.clone(), target.revision()));
         Ok(target)
+    }
+
+    /// What is known of an edit that may come more than once, or the end of the call. Looked at before the revision is: the edit may have
+    /// made the next one.
+    pub(crate) async fn once<A: prost::Message + Default>(
+        &mut self,
+        session: &str,
+        request_id: &str,
+        request: &impl prost::Message,
+    ) -> Result<Once<A>, Status> {
+        let found = self.shared.session(session, "session", &self.caller);
+        let (_, desk) = self.check(found)?;
+        let known = desk.answers.once(request_id, self.method, request);
+        let known = match self.deadline {
+            None => known.await,
+            Some(deadline) => tokio::time::timeout_at(deadline.into(), known).await.unwrap_or_else(|_| Err(too_late())),
+        };
+        self.check(known)
     }
 
     /// How long a computation is likely to take, from a plan of it. If there is no plan, there will be no computation but an error.
     pub(crate) async fn weigh(&self, plan: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<Intent> + Send + 'static) -> Intent {
-        self.run(Intent::Short, None, plan).await.unwrap_or(Intent::Short)
+        self.run(Intent::Short, [None, None], plan).await.unwrap_or(Intent::Short)
     }
 
     /// Answers with the outcome of a computation on the pool.
@@ -217,7 +269,7 @@ impl Call {
         intent: Intent,
         work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<T> + Send + 'static,
     ) -> Result<Response<T>, Status> {
-        let result = self.run(intent, None, work).await;
+        let result = self.work(intent, None, work).await;
         self.finish(result)
     }
 
@@ -227,7 +279,7 @@ impl Call {
         intent: Intent,
         work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<T> + Send + 'static,
     ) -> (Self, Result<T, Fault>) {
-        let result = self.run(intent, None, work).await;
+        let result = self.work(intent, None, work).await;
         (self, result)
     }
 
@@ -237,7 +289,7 @@ impl Call {
         intent: Intent,
         work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<Chunks<M>> + Send + 'static,
     ) -> Result<Response<Watch<M>>, Status> {
-        let result = self.run(intent, None, work).await;
+        let result = self.work(intent, None, work).await;
         self.finish(result.map(Watch::of_chunks))
     }
 
@@ -256,7 +308,7 @@ impl Call {
                 // A client that reads slowly misses progress, never the result.
                 let _ = meter_sender.try_send(Ok(wrap_progress(progress)));
             });
-            let result = self.run(Intent::Long, Some(meter), work).await;
+            let result = self.work(Intent::Long, Some(meter), work).await;
             let last = self.finish(result).map(|response| wrap_result(response.into_inner()));
             let _ = sender.send(last).await;
         };
@@ -264,11 +316,40 @@ impl Call {
         Ok(Response::new(Watch::of_progress(receiver, token)))
     }
 
+    /// [`Call::run`] that tells the end of the work to those who watch the session, if there was any: an answer that needed no stage is
+    /// no news.
+    async fn work<T: Send + 'static>(
+        &self,
+        intent: Intent,
+        meter: Option<Meter>,
+        work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<T> + Send + 'static,
+    ) -> Result<T, Fault> {
+        let begin = Instant::now();
+        let moved = Arc::new(AtomicBool::new(false));
+        let stages = self.desk.clone().map(|(desk, revision)| {
+            let (call, moved) = (self.id, moved.clone());
+            Meter::new(move |progress| {
+                moved.store(true, Ordering::Relaxed);
+                desk.feed.push(revision, Event::StageMoved(v1::StageMoved { call, progress: Some(progress) }));
+            })
+        });
+        let result = self.run(intent, [meter, stages], work).await;
+        if let Some((desk, revision)) = &self.desk
+            && (result.is_err() || moved.load(Ordering::Relaxed))
+        {
+            let Told { code, reason, message } = result.as_ref().err().map(Told::of).unwrap_or_default();
+            let milliseconds = begin.elapsed().as_secs_f64() * 1e3;
+            let ended = v1::WorkEnded { call: self.id, method: self.method.to_owned(), code, reason, message, milliseconds };
+            desk.feed.push(*revision, Event::WorkEnded(ended));
+        }
+        result
+    }
+
     /// Waits for a permit and runs `work` on a blocking thread, until the deadline. A panic in `work` fails this call only.
     async fn run<T: Send + 'static>(
         &self,
         intent: Intent,
-        meter: Option<Meter>,
+        meters: [Option<Meter>; 2],
         work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<T> + Send + 'static,
     ) -> Result<T, Fault> {
         let shared = self.shared.clone();
@@ -282,17 +363,11 @@ impl Call {
                 let _entered = span.enter();
                 let (_permit, _running) = (permit, running);
                 catch_unwind(AssertUnwindSafe(|| {
-                    let silent = |_: &remesh_engine::pipeline::Event| {};
-                    let metered = |event: &remesh_engine::pipeline::Event| {
-                        if let Some(meter) = &meter {
-                            meter.on(event);
-                        }
+                    let events = |event: &remesh_engine::pipeline::Event| {
+                        shared.metrics.on(event);
+                        meters.iter().flatten().for_each(|meter| meter.on(event));
                     };
-                    let threads = shared.config.engine.threads;
-                    match &meter {
-                        None => work(&shared, &Run { cancel: &token, events: &silent, threads }),
-                        Some(_) => work(&shared, &Run { cancel: &token, events: &metered, threads }),
-                    }
+                    work(&shared, &Run { cancel: &token, events: &events, threads: shared.config.engine.threads })
                 }))
             };
             match tokio::task::spawn_blocking(blocking).await {
@@ -305,9 +380,13 @@ impl Call {
         let Some(deadline) = self.deadline else { return job.await };
         tokio::time::timeout_at(deadline.into(), job).await.unwrap_or_else(|_| {
             self.token.cancel();
-            Err(EngineError::new(Reason::DeadlineExceeded, "the deadline passed before the work was done").into())
+            Err(too_late().into())
         })
     }
+}
+
+fn too_late() -> EngineError {
+    EngineError::new(Reason::DeadlineExceeded, "the deadline passed before the work was done")
 }
 
 /// Progress messages that may wait for the client.

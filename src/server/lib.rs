@@ -5,10 +5,17 @@
 //! wire types, only [`status`] makes a `tonic::Status`.
 
 pub mod config;
+pub mod health;
 
+mod answers;
+mod caller;
 mod convert;
+mod desk;
 mod dispatch;
+mod feed;
+mod metrics;
 mod progress;
+pub mod security;
 mod serve;
 mod service;
 mod state;
@@ -16,4 +23,5 @@ mod status;
 mod stream;
 
 pub use config::{Clock, ServerConfig};
-pub use serve::{ServeError, in_process, serve};
+pub use security::{Security, SecurityFiles};
+pub use serve::{ServeError, in_process, serve, serve_with_metrics};

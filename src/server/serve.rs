@@ -1,6 +1,9 @@
 //! From a listener to a running server, and back to silence: routes, health, reflection, drain.
 
 use crate::config::{MESSAGE_OVERHEAD_BYTES, ServerConfig};
+use crate::health;
+use crate::metrics::serve_metrics;
+use crate::security::TlsIncoming;
 use crate::service::capability::Capabilities;
 use crate::service::chart::ChartMaps;
 use crate::service::mesh::Meshes;
@@ -9,6 +12,7 @@ use crate::service::quality::Qualities;
 use crate::service::remesh::Remeshes;
 use crate::service::session::Sessions;
 use crate::state::Shared;
+use crate::status::status_of;
 use hyper_util::rt::TokioIo;
 use remesh_proto::FILE_DESCRIPTOR_SET;
 use remesh_proto::v1::capability_service_server::CapabilityServiceServer;
@@ -28,11 +32,11 @@ use tokio::sync::{mpsc, watch};
 use tokio_stream::wrappers::UnboundedReceiverStream;
 use tonic::codegen::Service;
 use tonic::codegen::http::Uri;
-use tonic::server::NamedService;
-use tonic::service::Routes;
+use tonic::service::interceptor::InterceptedService;
+use tonic::service::{Interceptor, Routes};
 use tonic::transport::server::TcpIncoming;
 use tonic::transport::{Channel, Endpoint, Server};
-use tonic_health::ServingStatus;
+use tonic::{Request, Status};
 use tonic_health::server::HealthReporter;
 
 /// Why a server did not start or did not go on.
@@ -59,34 +63,56 @@ const PIPE_BYTES: usize = 1 << 20;
 /// # Errors
 /// [`ServeError`] if the transport fails.
 pub async fn serve(listener: TcpListener, config: ServerConfig, shutdown: impl Future<Output = ()>) -> Result<(), ServeError> {
+    serve_with_metrics(listener, None, config, shutdown).await
+}
+
+/// The same, and tells numbers for Prometheus, liveness and readiness over HTTP on a socket of its own, which asks for no token.
+///
+/// # Errors
+/// [`ServeError`] if the transport fails.
+pub async fn serve_with_metrics(
+    listener: TcpListener,
+    metrics: Option<TcpListener>,
+    config: ServerConfig,
+    shutdown: impl Future<Output = ()>,
+) -> Result<(), ServeError> {
     let shared = Shared::new(config);
+    let metrics = metrics.map(|listener| tokio::spawn(serve_metrics(listener, shared.clone())));
+    let security = shared.config.security.clone();
     let (health, routes) = routes(&shared).await?;
     let sweeper = tokio::spawn(sweep(shared.clone()));
     let (drain, mut draining) = watch::channel(false);
     let incoming = TcpIncoming::from(listener).with_nodelay(Some(true)).with_keepalive(Some(KEEPALIVE_INTERVAL));
-    let server = builder().add_routes(routes).serve_with_incoming_shutdown(incoming, async move {
+    let stopped = async move {
         // An error means that the sender is gone, which ends serving too.
         let _ = draining.wait_for(|&is| is).await;
-    });
-    tokio::pin!(server);
+    };
+    let router = builder().add_routes(routes);
+    let mut server: Pin<Box<dyn Future<Output = Result<(), tonic::transport::Error>> + Send>> = if security.is_encrypted() {
+        Box::pin(router.serve_with_incoming_shutdown(TlsIncoming::new(incoming, security.clone()), stopped))
+    } else {
+        Box::pin(router.serve_with_incoming_shutdown(incoming, stopped))
+    };
     let outcome = tokio::select! {
         ended = &mut server => ended.map_err(ServeError::from),
         () = shutdown => {
             tracing::info!(grace_seconds = shared.config.grace.as_secs_f64(), "shutting down");
             shared.pool.drain();
-            set_health(&health, ServingStatus::NotServing).await;
+            shared.close_feeds();
+            health::set_ready(&health, false).await;
             let _ = drain.send(true);
-            wind_down(&shared, server).await
+            wind_down(&shared, server.as_mut()).await
         }
     };
     sweeper.abort();
+    metrics.iter().for_each(tokio::task::JoinHandle::abort);
     outcome
 }
 
 /// Waits for running calls, then cancels them, then gives up on them.
 async fn wind_down(
     shared: &Shared,
-    mut server: Pin<&mut impl Future<Output = Result<(), tonic::transport::Error>>>,
+    mut server: Pin<&mut (dyn Future<Output = Result<(), tonic::transport::Error>> + Send)>,
 ) -> Result<(), ServeError> {
     if let Ok(ended) = tokio::time::timeout(shared.config.grace, &mut server).await {
         return Ok(ended?);
@@ -151,16 +177,37 @@ impl Service<Uri> for PipeConnector {
     }
 }
 
+/// What is done from time to time.
 async fn sweep(shared: Arc<Shared>) {
-    let mut ticks = tokio::time::interval(shared.config.sweep_interval.max(Duration::from_millis(1)));
+    let every = |interval: Duration| tokio::time::interval(interval.max(Duration::from_millis(1)));
+    let (mut sweeps, mut reloads) = (every(shared.config.sweep_interval), every(shared.config.reload_interval));
     loop {
-        ticks.tick().await;
-        shared.sweep();
+        tokio::select! {
+            _ = sweeps.tick() => shared.sweep(),
+            _ = reloads.tick() => shared.config.security.reload_if_changed(),
+        }
     }
 }
 
-fn name_of<S: NamedService>(_: &S) -> &'static str {
-    S::NAME
+/// Puts the name of the caller into each request, or refuses it.
+#[derive(Clone)]
+struct Guard(Arc<Shared>);
+
+impl Interceptor for Guard {
+    fn call(&mut self, mut request: Request<()>) -> Result<Request<()>, Status> {
+        match self.0.config.security.caller(&request) {
+            Ok(caller) => {
+                request.extensions_mut().insert(caller);
+                Ok(request)
+            }
+            Err(fault) => {
+                self.0.metrics.unauthenticated();
+                let peer = request.remote_addr().map_or_else(String::new, |peer| peer.to_string());
+                tracing::warn!(target: "audit", action = "refuse", peer, ?fault, "a call without a valid name");
+                Err(status_of(&fault))
+            }
+        }
+    }
 }
 
 /// All services with their message limits, reflection in both versions, and health.
@@ -174,7 +221,8 @@ async fn routes(shared: &Arc<Shared>) -> Result<(HealthReporter, Routes), ServeE
     macro_rules! add {
         ($server:ident, $service:expr, $limit:expr) => {{
             let service = $server::new($service).max_decoding_message_size($limit).max_encoding_message_size($limit);
-            health.set_service_status(name_of(&service), ServingStatus::Serving).await;
+            // Health and reflection are open to all: they tell nothing of sessions.
+            let service = InterceptedService::new(service, Guard(shared.clone()));
             routes.add_service(service);
         }};
     }
@@ -193,22 +241,6 @@ async fn routes(shared: &Arc<Shared>) -> Result<(HealthReporter, Routes), ServeE
     };
     routes.add_service(reflection().build_v1()?);
     routes.add_service(reflection().build_v1alpha()?);
+    health::set_ready(&health, true).await;
     Ok((health, routes.routes()))
-}
-
-/// Names of all services, as health and reflection know them.
-const SERVICES: [&str; 7] = [
-    "remesh.v1.CapabilityService",
-    "remesh.v1.ChartService",
-    "remesh.v1.MeshService",
-    "remesh.v1.PartitionService",
-    "remesh.v1.QualityService",
-    "remesh.v1.RemeshService",
-    "remesh.v1.SessionService",
-];
-
-async fn set_health(health: &HealthReporter, status: ServingStatus) {
-    for name in SERVICES.into_iter().chain([""]) {
-        health.set_service_status(name, status).await;
-    }
 }

@@ -1,27 +1,21 @@
-//! What all calls share: the engine, the compute pool, notes on sessions that the engine does not need.
+//! What all calls share: the engine, the compute pool, and the desks that hold what belongs to sessions beside their inputs.
 
+use crate::caller::Caller;
 use crate::config::ServerConfig;
+pub(crate) use crate::desk::Target;
+use crate::desk::{Desk, short_id};
 use crate::dispatch::Pool;
+use crate::metrics::Metrics;
 use crate::service::upload::UploadBudget;
 use remesh_engine::EngineError;
 use remesh_engine::engine::Engine;
 use remesh_engine::error::{Reason, Result};
-use remesh_engine::fingerprint::{Feeder, Fingerprint};
-use remesh_engine::session::{Revision, Session, Snapshot};
+use remesh_engine::session::{Revision, Session};
 use remesh_proto::v1;
-use std::collections::HashMap;
-use std::sync::{Arc, Mutex, MutexGuard};
-
-/// What the server notes about a session.
-#[derive(Debug, Default)]
-struct Notes {
-    display_name: String,
-    /// Numbers of imported meshes by what they were imported from; the latest last.
-    meshes: Vec<(Fingerprint, v1::MeshSummary)>,
-}
-
-/// Imports whose numbers are remembered per session, for rollbacks.
-const KEPT_MESHES: usize = 64;
+use std::collections::{HashMap, HashSet};
+use std::sync::atomic::AtomicUsize;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 /// The state behind all services.
 #[derive(Debug)]
@@ -34,23 +28,11 @@ pub(crate) struct Shared {
     pub(crate) pool: Pool,
     /// Bytes of uploads under way.
     pub(crate) uploads: UploadBudget,
-    notes: Mutex<HashMap<String, Notes>>,
-}
-
-/// The session and the inputs that a call is about.
-#[derive(Debug, Clone)]
-pub(crate) struct Target {
-    /// The session.
-    pub(crate) session: Arc<Session>,
-    /// Its inputs when the call came.
-    pub(crate) snapshot: Arc<Snapshot>,
-}
-
-impl Target {
-    /// The revision that answers name.
-    pub(crate) fn revision(&self) -> u64 {
-        self.snapshot.revision.0
-    }
+    /// What has happened.
+    pub(crate) metrics: Metrics,
+    /// Readers of events.
+    pub(crate) watchers: Arc<AtomicUsize>,
+    desks: Mutex<HashMap<String, Arc<Desk>>>,
 }
 
 const SESSION_PREFIX: &str = "sessions/";
@@ -71,38 +53,48 @@ pub(crate) fn blob_digest<'a>(name: &'a str, field: &str) -> Result<&'a str> {
     name.strip_prefix(BLOB_PREFIX).ok_or_else(|| EngineError::bad_parameter(field, "a blob is named `blobs/{digest}`"))
 }
 
-fn source_fingerprint(snapshot: &Snapshot) -> Option<Fingerprint> {
-    let mut feeder = Feeder::new();
-    snapshot.source.as_ref()?.feed(&mut feeder);
-    feeder.text(&format!("{:?}", snapshot.import));
-    Some(feeder.finish())
-}
-
 impl Shared {
     /// The state of a new server.
     pub(crate) fn new(config: ServerConfig) -> Arc<Shared> {
         let engine = Engine::new(config.engine.clone());
         let pool = Pool::new(config.max_running, config.max_running_short, config.max_queued);
-        Arc::new(Shared { config, engine, pool, uploads: UploadBudget::default(), notes: Mutex::default() })
+        let uploads = UploadBudget::default();
+        Arc::new(Shared { config, engine, pool, uploads, metrics: Metrics::default(), watchers: Arc::default(), desks: Mutex::default() })
     }
 
-    fn notes(&self) -> MutexGuard<'_, HashMap<String, Notes>> {
-        self.notes.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+    fn desks(&self) -> MutexGuard<'_, HashMap<String, Arc<Desk>>> {
+        self.desks.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A session by its name in field `field`; marks it as used.
-    pub(crate) fn session(&self, name: &str, field: &str) -> Result<Arc<Session>> {
+    /// What belongs to a session, if the caller may see it.
+    pub(crate) fn desk(&self, session: &Session, caller: &Caller) -> Option<Arc<Desk>> {
+        self.desks().get(&session.id).filter(|desk| desk.owner == *caller).cloned()
+    }
+
+    /// A session of the caller by its name in field `field`, and what belongs to it; marks it as used.
+    pub(crate) fn session(&self, name: &str, field: &str, caller: &Caller) -> Result<(Arc<Session>, Arc<Desk>)> {
         if name.is_empty() {
             return Err(EngineError::bad_parameter(field, "is required"));
         }
         let id = name.strip_prefix(SESSION_PREFIX);
         let id = id.ok_or_else(|| EngineError::bad_parameter(field, "a session is named `sessions/{id}`"))?;
-        self.engine.session(id, self.config.clock.now())
+        // Looked up before the session is touched: a session of somebody else is answered as one that never was.
+        let desk = self.desks().get(id).filter(|desk| desk.owner == *caller).cloned();
+        let desk = desk.ok_or_else(|| {
+            EngineError::new(Reason::SessionNotFound, "no such session").with_hint("it was never made, was deleted, or has expired")
+        })?;
+        Ok((self.engine.session(id, self.config.clock.now())?, desk))
     }
 
     /// The session and its inputs, if it is at the expected revision.
-    pub(crate) fn target(&self, name: &str, expected_revision: Option<u64>) -> Result<Target> {
-        let session = self.session(name, "session")?;
+    pub(crate) fn target(
+        self: &Arc<Self>,
+        name: &str,
+        expected_revision: Option<u64>,
+        caller: &Caller,
+        request_id: &str,
+    ) -> Result<Target> {
+        let (session, desk) = self.session(name, "session", caller)?;
         let snapshot = session.snapshot();
         match expected_revision.map(Revision) {
             Some(expected) if expected != snapshot.revision => {
@@ -112,52 +104,51 @@ impl Shared {
                     .with_metadata("expected_revision", expected.0)
                     .with_metadata("current_revision", snapshot.revision.0))
             }
-            _ => Ok(Target { session, snapshot }),
+            _ => Ok(Target { session, snapshot, desk, caller: caller.clone(), request_id: request_id.to_owned(), shared: self.clone() }),
         }
     }
 
-    /// Remembers what the creator calls a session.
-    pub(crate) fn note_display_name(&self, session: &Session, display_name: String) {
-        self.notes().entry(session.id.clone()).or_default().display_name = display_name;
+    /// Opens a session for a caller.
+    pub(crate) fn create_session(&self, ttl: Option<Duration>, display_name: String, caller: &Caller) -> Result<(Arc<Session>, Arc<Desk>)> {
+        let session = self.engine.create_session(ttl, self.config.clock.now())?;
+        let desk = Arc::new(Desk::new(display_name, caller.clone(), self.config.clock.clone()));
+        self.desks().insert(session.id.clone(), desk.clone());
+        tracing::info!(target: "audit", action = "create", session = short_id(&session), author = caller.name());
+        Ok((session, desk))
     }
 
-    /// What the creator calls a session.
-    pub(crate) fn display_name(&self, session: &Session) -> String {
-        self.notes().get(&session.id).map_or_else(String::new, |n| n.display_name.clone())
-    }
-
-    /// Remembers the numbers of an imported mesh.
-    pub(crate) fn note_mesh(&self, session: &Session, snapshot: &Snapshot, summary: v1::MeshSummary) {
-        let Some(key) = source_fingerprint(snapshot) else { return };
-        let mut notes = self.notes();
-        let meshes = &mut notes.entry(session.id.clone()).or_default().meshes;
-        meshes.retain(|(other, _)| *other != key);
-        meshes.push((key, summary));
-        if meshes.len() > KEPT_MESHES {
-            meshes.remove(0);
+    /// Closes a session and tells those who watch it.
+    pub(crate) fn delete_session(&self, session: &Session, caller: &Caller) -> Result<()> {
+        self.engine.delete_session(&session.id)?;
+        if let Some(desk) = self.desks().remove(&session.id) {
+            desk.feed.close(session.revision().0, v1::SessionEnd::Deleted);
         }
+        tracing::info!(target: "audit", action = "delete", session = short_id(session), author = caller.name());
+        Ok(())
     }
 
-    /// The numbers of the mesh of a snapshot.
-    pub(crate) fn mesh_summary(&self, session: &Session, snapshot: &Snapshot) -> Option<v1::MeshSummary> {
-        let key = source_fingerprint(snapshot)?;
-        self.notes().get(&session.id)?.meshes.iter().find(|(other, _)| *other == key).map(|(_, summary)| summary.clone())
-    }
-
-    /// Closes a session and forgets the notes on it.
-    pub(crate) fn delete_session(&self, session: &Session) -> Result<()> {
-        self.notes().remove(&session.id);
-        self.engine.delete_session(&session.id)
-    }
-
-    /// Removes expired sessions and their notes.
+    /// Removes expired sessions and what belongs to them.
     pub(crate) fn sweep(&self) {
         let now = self.config.clock.now();
         let removed = self.engine.sweep(now);
         if removed > 0 {
-            let open: Vec<_> = self.engine.sessions(now);
-            self.notes().retain(|id, _| open.iter().any(|s| s.id == *id));
+            // Held while the sessions are listed, so that one that is just being made keeps its desk.
+            let mut desks = self.desks();
+            let open: HashSet<String> = self.engine.sessions(now).iter().map(|s| s.id.clone()).collect();
+            desks.retain(|id, desk| {
+                let keep = open.contains(id);
+                if !keep {
+                    tracing::info!(target: "audit", action = "expire", session = id.get(..8), author = "");
+                    desk.feed.close(0, v1::SessionEnd::Expired);
+                }
+                keep
+            });
             tracing::info!(removed, "expired sessions removed");
         }
+    }
+
+    /// Tells all who watch that the server shuts down.
+    pub(crate) fn close_feeds(&self) {
+        self.desks().values().for_each(|desk| desk.feed.close(0, v1::SessionEnd::Shutdown));
     }
 }

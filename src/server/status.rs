@@ -18,6 +18,18 @@ pub(crate) enum Fault {
         /// How many wait.
         queued: usize,
     },
+    /// As many streams of events are open as may be.
+    TooManyWatchers {
+        /// How many.
+        most: usize,
+    },
+    /// Nobody that the server knows.
+    Unauthenticated {
+        /// Stable reason.
+        reason: &'static str,
+        /// And in words.
+        message: String,
+    },
     /// The server is shutting down.
     Draining,
     /// The computation panicked; the log has the details under this id.
@@ -120,6 +132,12 @@ fn parts_of(fault: &Fault) -> Parts {
             retry: true,
             ..plain(Code::ResourceExhausted, "QUEUE_FULL", format!("the daemon is busy: {queued} calls are waiting; try again later"))
         },
+        Fault::TooManyWatchers { most } => Parts {
+            metadata: vec![("limit".to_owned(), "max_watchers".to_owned())],
+            retry: true,
+            ..plain(Code::ResourceExhausted, "LIMIT_REACHED", format!("{most} streams of events are open, which is the limit"))
+        },
+        Fault::Unauthenticated { reason, message } => plain(Code::Unauthenticated, reason, message.clone()),
         Fault::Draining => plain(Code::Unavailable, "SHUTTING_DOWN", "the daemon is shutting down".to_owned()),
         Fault::Panicked { id } => Parts {
             metadata: vec![("incident".to_owned(), id.clone())],
@@ -164,6 +182,44 @@ pub(crate) fn location(from: &Location) -> v1::Location {
     v1::Location { element: element.into(), ids: from.ids.clone(), position: Some(v1::Point { x, y, z }) }
 }
 
+/// Name of the status code of a fault, in metrics.
+pub(crate) fn code_name(fault: &Fault) -> &'static str {
+    match parts_of(fault).code {
+        Code::Ok => "OK",
+        Code::Cancelled => "Cancelled",
+        Code::Unknown => "Unknown",
+        Code::InvalidArgument => "InvalidArgument",
+        Code::DeadlineExceeded => "DeadlineExceeded",
+        Code::NotFound => "NotFound",
+        Code::AlreadyExists => "AlreadyExists",
+        Code::PermissionDenied => "PermissionDenied",
+        Code::ResourceExhausted => "ResourceExhausted",
+        Code::FailedPrecondition => "FailedPrecondition",
+        Code::Aborted => "Aborted",
+        Code::OutOfRange => "OutOfRange",
+        Code::Unimplemented => "Unimplemented",
+        Code::Internal => "Internal",
+        Code::Unavailable => "Unavailable",
+        Code::DataLoss => "DataLoss",
+        Code::Unauthenticated => "Unauthenticated",
+    }
+}
+
+/// A fault in an event.
+#[derive(Debug, Default)]
+pub(crate) struct Told {
+    pub(crate) code: i32,
+    pub(crate) reason: String,
+    pub(crate) message: String,
+}
+
+impl Told {
+    pub(crate) fn of(fault: &Fault) -> Self {
+        let Parts { code, reason, message, .. } = parts_of(fault);
+        Told { code: code as i32, reason: reason.to_owned(), message }
+    }
+}
+
 /// Writes the end of a call to the log, at the level of who is to blame for it.
 pub(crate) fn log_end(fault: Option<&Fault>, milliseconds: f64) {
     let Some(fault) = fault else { return tracing::info!(code = "OK", milliseconds, "call done") };
@@ -204,6 +260,24 @@ mod tests {
         let locations = v1::GeometryLocations::decode(&*detail.value).expect("decodes");
         assert_eq!((locations.total, locations.locations.len()), (150, 100));
         assert_eq!(locations.locations[0].ids, [3, 4]);
+    }
+
+    /// Texts in UPPER_SNAKE of a source file.
+    fn reasons(source: &str) -> Vec<&str> {
+        let snake = |text: &&str| text.len() > 4 && text.bytes().all(|b| b.is_ascii_uppercase() || b == b'_');
+        source.split('"').filter(snake).collect()
+    }
+
+    #[test]
+    fn every_reason_is_in_the_list_for_people() {
+        let list = include_str!("../../docs/errors.md");
+        let ours = include_str!("status.rs").split("#[cfg(test)]").next().expect("code");
+        let sources = [include_str!("../engine/error.rs"), ours, include_str!("security.rs")];
+        let all: Vec<&str> = sources.into_iter().flat_map(reasons).collect();
+        assert!(all.len() > 30 && all.contains(&"STALE_REVISION") && all.contains(&"TOKEN_MISSING"), "{all:?}");
+        for reason in all {
+            assert!(list.contains(&format!("`{reason}`")), "{reason} is not in docs/errors.md");
+        }
     }
 
     #[test]

@@ -1,13 +1,16 @@
 //! The command line of `remesh`, as clap sees it.
 
 mod chart;
+mod connect;
 mod field;
+mod history;
 mod mesher;
 mod patch;
 mod values;
 
 pub(crate) use chart::{ChartAllArgs, ChartArgs, ChartOutput, ChartSpecArgs, ChartVerb, PatchOf, PatchSpecArgs};
 pub(crate) use field::FieldArg;
+pub(crate) use history::{HistoryVerb, StepArgs, WatchArgs};
 pub(crate) use mesher::{MesherArgs, MesherName, MetricArgs};
 pub(crate) use patch::{PartitionArgs, PatchArgs, PatchVerb};
 #[cfg(test)]
@@ -34,7 +37,8 @@ Exit codes:
   130  interrupted (the work is cancelled, on the daemon too)
 
 Environment:
-  REMESH_ENDPOINT  daemon to use when --endpoint is not given, as in http://127.0.0.1:50061
+  REMESH_ENDPOINT    daemon to use when --endpoint is not given, as in http://127.0.0.1:50061
+  REMESH_TOKEN_FILE  and REMESH_TLS_CA, REMESH_TLS_CERT, REMESH_TLS_KEY, REMESH_TLS_DOMAIN: as the options of that name
 
 Without an endpoint the work is done inside this process. The verbs that take a SESSION need a running daemon (`remeshd`),
 because a session lives in it.";
@@ -64,6 +68,8 @@ pub(crate) struct GlobalArgs {
     /// Threads that compute, when the work is done inside this process; default: all cores
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(crate) threads: Option<u32>,
+    #[command(flatten)]
+    pub(crate) connect: connect::ConnectArgs,
 }
 
 #[derive(Debug, Subcommand)]
@@ -98,6 +104,8 @@ pub(crate) enum Command {
     Export(ExportArgs),
     /// Go back to the inputs of an earlier revision of a session
     Rollback(RollbackArgs),
+    #[command(flatten)]
+    History(HistoryVerb),
     /// Tell version, limits and cache usage of the daemon
     Status,
 }

@@ -4,7 +4,7 @@ use super::args::{GlobalArgs, ImportArgs};
 use super::failure::{Failure, Outcome};
 use super::ui::Ui;
 use super::{LocalOptions, StartError, files, specs};
-use crate::{Client, Source, v1};
+use crate::{Client, Credentials, Source, v1};
 use std::future::Future;
 use std::path::Path;
 use std::sync::Mutex;
@@ -34,7 +34,13 @@ impl Context {
                 let message = "--threads is for work inside this process; a daemon has its own setting";
                 return Err(Failure::Usage(message.into()));
             }
-            (Some(endpoint), None) => Client::connect(endpoint).await?,
+            (Some(endpoint), None) => {
+                let connect = &global.connect;
+                let identity = connect.tls_cert.as_deref().zip(connect.tls_key.as_deref());
+                let (ca, token) = (connect.tls_ca.as_deref(), connect.token_file.as_deref());
+                let credentials = Credentials::from_files(ca, identity, connect.tls_domain.as_deref(), token);
+                Client::connect_with(endpoint, &credentials.map_err(Failure::Other)?).await?
+            }
             (None, threads) => {
                 let channel = start(LocalOptions { threads }).await;
                 Client::from_channel(channel.map_err(|error| Failure::Other(format!("cannot start the server in this process: {error}")))?)

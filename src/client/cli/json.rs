@@ -80,6 +80,11 @@ pub(crate) fn diagnosis(diagnosis: &v1::Diagnosis) -> Value {
     })
 }
 
+/// How a stage ended: `hit`, `run`, or `unspecified` while it has not.
+pub(crate) fn outcome_name(outcome: v1::StageOutcome) -> String {
+    enum_name(outcome.as_str_name(), "STAGE_OUTCOME_")
+}
+
 pub(crate) fn shape(shape: &v1::ShapeQuality) -> Value {
     json!({
         "vertices": shape.vertices,

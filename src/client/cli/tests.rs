@@ -20,7 +20,15 @@ fn help_and_version_succeed_and_usage_errors_are_two() {
 
 #[test]
 fn verbs_on_sessions_need_a_daemon() {
-    for line in ["remesh session list", "remesh plan s", "remesh import s a.stl", "remesh quality --session s", "remesh rollback s 1"] {
+    for line in [
+        "remesh session list",
+        "remesh plan s",
+        "remesh import s a.stl",
+        "remesh quality --session s",
+        "remesh rollback s 1",
+        "remesh undo s",
+        "remesh watch s",
+    ] {
         assert_eq!(run(line, None), exit::USAGE, "{line}");
     }
     assert_eq!(run("remesh session list", Some("")), exit::USAGE, "an empty variable is no endpoint");

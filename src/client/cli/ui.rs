@@ -29,7 +29,7 @@ impl Ui {
     /// Prints what a command has found out. `--quiet` leaves out the text of commands whose result is a file.
     pub(crate) fn report(&self, report: &Report, is_answer: bool) {
         let text = if self.json { report.json.to_string() } else { report.text.trim_end().to_owned() };
-        if text.is_empty() || (self.quiet && !self.json && !is_answer) {
+        if text.is_empty() || (self.json && report.json.is_null()) || (self.quiet && !self.json && !is_answer) {
             return;
         }
         // A reader that went away (`| head`) is no failure of ours.

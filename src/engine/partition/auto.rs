@@ -33,7 +33,8 @@ pub(super) fn automatic(surface: &Surface<'_>, spec: &PartitionSpec, work: &Work
         let reason = format!("{count} patches, where none can do with fewer than {least} of the size allowed");
         return Ok(chosen(first, PartitionStrategy::Multilevel, reason));
     }
-    let mut contest = Contest { surface, work, best: first, strategy: PartitionStrategy::Multilevel, told: vec![format!("multilevel {count}")] };
+    let mut contest =
+        Contest { surface, work, best: first, strategy: PartitionStrategy::Multilevel, told: vec![format!("multilevel {count}")] };
     let halved: usize = pieces.iter().map(|p| halvings(p, spec)).sum();
     if long > 0 && handles == 0 {
         if most_gain(halved) > LEAST_GAIN {

@@ -2,6 +2,7 @@
 
 use super::partition::{check_patch, weight_of_layout};
 use super::patch_chart;
+use crate::answers::open_edit;
 use crate::convert::{charts, from_proto, to_proto};
 use crate::dispatch::{Call, Intent};
 use crate::state::{Shared, Target};
@@ -210,10 +211,11 @@ impl ChartService for ChartMaps {
     ) -> Result<Response<v1::UpdatePatchChartResponse>, Status> {
         let mut call = Call::begin(&self.0, "UpdatePatchChart", &request)?;
         let request = request.into_inner();
-        let target = call.target(&request.session, request.base_revision)?;
+        let open = open_edit!(call, request);
+        let target = call.target_of_edit(&request.session, request.base_revision, &open)?;
         let planned = target.clone();
         let intent = call.weigh(move |shared, run| weight_of_layout(shared, run, &planned)).await;
-        call.compute(intent, move |shared, run| patch_chart::update(shared, run, &target, request)).await
+        call.compute(intent, move |shared, run| patch_chart::update(shared, run, &target, request).map(|answer| open.keep(answer))).await
     }
 
     async fn reset_patch_chart(
@@ -222,10 +224,12 @@ impl ChartService for ChartMaps {
     ) -> Result<Response<v1::ResetPatchChartResponse>, Status> {
         let mut call = Call::begin(&self.0, "ResetPatchChart", &request)?;
         let request = request.into_inner();
-        let target = call.target(&request.session, request.base_revision)?;
+        let open = open_edit!(call, request);
+        let target = call.target_of_edit(&request.session, request.base_revision, &open)?;
         let planned = target.clone();
         let intent = call.weigh(move |shared, run| weight_of_layout(shared, run, &planned)).await;
-        call.compute(intent, move |shared, run| patch_chart::reset(shared, run, &target, request.patch)).await
+        call.compute(intent, move |shared, run| patch_chart::reset(shared, run, &target, request.patch).map(|answer| open.keep(answer)))
+            .await
     }
 
     type PreviewPatchChartStream = Watch<v1::PreviewPatchChartResponse>;

@@ -1,6 +1,7 @@
 //! `MeshService`: meshes in and out of a session.
 
 use super::upload::receive;
+use crate::answers::open_edit;
 use crate::convert::from_proto::{self, WhichMesh};
 use crate::convert::{sources, to_proto};
 use crate::dispatch::{Call, Intent};
@@ -39,9 +40,9 @@ fn import(shared: &Shared, run: &Run<'_>, target: &Target, request: v1::ImportMe
     candidate.import = options.clone();
     // Imported before it becomes a revision: a file that cannot be read leaves the session as it was.
     let answer = pipeline::import(&shared.engine, &candidate, run)?;
-    let revision = target.session.apply(request.base_revision.map(Revision), &[Change::Mesh { source, options }])?;
+    let revision = target.apply(request.base_revision.map(Revision), &[Change::Mesh { source, options }])?;
     let mesh = to_proto::mesh_summary(&answer.value.mesh);
-    shared.note_mesh(&target.session, &candidate, mesh.clone());
+    target.desk.note_mesh(&candidate, mesh.clone());
     Ok(v1::ImportMeshResponse {
         revision: revision.0,
         mesh: Some(mesh),
@@ -285,8 +286,9 @@ impl MeshService for Meshes {
     async fn import_mesh(&self, request: Request<v1::ImportMeshRequest>) -> Result<Response<v1::ImportMeshResponse>, Status> {
         let mut call = Call::begin(&self.0, "ImportMesh", &request)?;
         let request = request.into_inner();
-        let target = call.target(&request.session, request.base_revision)?;
-        call.compute(Intent::Long, move |shared, run| import(shared, run, &target, request)).await
+        let open = open_edit!(call, request);
+        let target = call.target_of_edit(&request.session, request.base_revision, &open)?;
+        call.compute(Intent::Long, move |shared, run| import(shared, run, &target, request).map(|answer| open.keep(answer))).await
     }
 
     async fn diagnose_mesh(&self, request: Request<v1::DiagnoseMeshRequest>) -> Result<Response<v1::DiagnoseMeshResponse>, Status> {

@@ -1,6 +1,7 @@
 //! `PartitionService`: the partition, and single patches of the input.
 
 use super::patch_edit;
+use crate::answers::{Open, open_edit};
 use crate::convert::{from_proto, patches, to_proto};
 use crate::dispatch::{Call, Intent};
 use crate::state::{Shared, Target};
@@ -137,41 +138,46 @@ impl PartitionService for Partitions {
     async fn split_patch(&self, request: Request<v1::SplitPatchRequest>) -> Result<Response<v1::SplitPatchResponse>, Status> {
         let mut call = Call::begin(&self.0, "SplitPatch", &request)?;
         let request = request.into_inner();
-        let target = call.target(&request.session, request.base_revision)?;
-        edit(call, target, move |_| patches::split(&request)).await
+        let open = open_edit!(call, request);
+        let target = call.target_of_edit(&request.session, request.base_revision, &open)?;
+        edit(call, target, open, move |_| patches::split(&request)).await
     }
 
     async fn merge_patches(&self, request: Request<v1::MergePatchesRequest>) -> Result<Response<v1::MergePatchesResponse>, Status> {
         let mut call = Call::begin(&self.0, "MergePatches", &request)?;
         let request = request.into_inner();
-        let target = call.target(&request.session, request.base_revision)?;
-        edit(call, target, move |_| Ok(patches::merge(&request))).await
+        let open = open_edit!(call, request);
+        let target = call.target_of_edit(&request.session, request.base_revision, &open)?;
+        edit(call, target, open, move |_| Ok(patches::merge(&request))).await
     }
 
     async fn reassign_faces(&self, request: Request<v1::ReassignFacesRequest>) -> Result<Response<v1::ReassignFacesResponse>, Status> {
         let mut call = Call::begin(&self.0, "ReassignFaces", &request)?;
         let request = request.into_inner();
-        let target = call.target(&request.session, request.base_revision)?;
-        edit(call, target, move |shared| patches::reassign(&shared.engine, &request)).await
+        let open = open_edit!(call, request);
+        let target = call.target_of_edit(&request.session, request.base_revision, &open)?;
+        edit(call, target, open, move |shared| patches::reassign(&shared.engine, &request)).await
     }
 
     async fn reset_patches(&self, request: Request<v1::ResetPatchesRequest>) -> Result<Response<v1::ResetPatchesResponse>, Status> {
         let mut call = Call::begin(&self.0, "ResetPatches", &request)?;
         let request = request.into_inner();
-        let target = call.target(&request.session, request.base_revision)?;
-        call.compute(Intent::Short, move |_, _| patch_edit::reset(&target)).await
+        let open = open_edit!(call, request);
+        let target = call.target_of_edit(&request.session, request.base_revision, &open)?;
+        call.compute(Intent::Short, move |_, _| patch_edit::reset(&target).map(|answer| open.keep(answer))).await
     }
 }
 
 /// Carries an edit out on the pool. It maps the patches that it makes, so it counts as long.
-async fn edit<T: From<patch_edit::Edited> + Send + 'static>(
+async fn edit<T: From<patch_edit::Edited> + prost::Message + 'static>(
     call: Call,
     target: Target,
+    open: Open,
     wanted: impl FnOnce(&Shared) -> EngineResult<PatchRequest> + Send + 'static,
 ) -> Result<Response<T>, Status> {
     call.compute(Intent::Long, move |shared, run| {
         let request = wanted(shared)?;
-        patch_edit::edit(shared, run, &target, &request).map(T::from)
+        patch_edit::edit(shared, run, &target, &request).map(|edited| open.keep(T::from(edited)))
     })
     .await
 }

@@ -77,7 +77,7 @@ pub(crate) fn update(
     let told = charts::wire(&spec);
     let change = Change::PatchChart { patch: layout.patches.identities[p], spec: Some(spec) };
     // On the revision that the number was looked up in: in another one it may be another patch.
-    let revision = target.session.apply(Some(target.snapshot.revision), &[change])?;
+    let revision = target.apply(Some(target.snapshot.revision), &[change])?;
     Ok(v1::UpdatePatchChartResponse { revision: revision.0, spec: Some(told) })
 }
 
@@ -88,7 +88,7 @@ pub(crate) fn reset(shared: &Shared, run: &Run<'_>, target: &Target, patch: u32)
     let identity = layout.patches.identities[p];
     let mut revision = target.snapshot.revision;
     if target.snapshot.patch_charts.contains_key(&identity) {
-        revision = target.session.apply(Some(revision), &[Change::PatchChart { patch: identity, spec: None }])?;
+        revision = target.apply(Some(revision), &[Change::PatchChart { patch: identity, spec: None }])?;
     }
     Ok(v1::ResetPatchChartResponse { revision: revision.0, spec: Some(charts::wire(&target.snapshot.chart)) })
 }

@@ -23,7 +23,7 @@ pub(crate) fn edit(shared: &Shared, run: &Run<'_>, target: &Target, request: &Pa
     let begin = Instant::now();
     let answer = pipeline::edit_patches(&shared.engine, &target.snapshot, request, run)?;
     let edited = answer.value;
-    let revision = target.session.apply(Some(target.snapshot.revision), &[Change::PatchEdit(edited.edit)])?;
+    let revision = target.apply(Some(target.snapshot.revision), &[Change::PatchEdit(edited.edit)])?;
     Ok(Edited {
         revision: revision.0,
         patches: patches::summaries(&edited.layout, &edited.patches),
@@ -38,7 +38,7 @@ pub(crate) fn reset(target: &Target) -> EngineResult<v1::ResetPatchesResponse> {
     let edits = target.snapshot.patch_edits.len() as u32;
     let mut revision = target.snapshot.revision;
     if edits > 0 {
-        revision = target.session.apply(Some(revision), &[Change::ResetPatchEdits])?;
+        revision = target.apply(Some(revision), &[Change::ResetPatchEdits])?;
     }
     Ok(v1::ResetPatchesResponse { revision: revision.0, edits })
 }

@@ -75,6 +75,7 @@ pub(crate) async fn receive(shared: &Shared, mut stream: Streaming<v1::UploadMes
             return Err(too_large(total as u64, limit));
         }
         held.grow(chunk.data.len(), shared.config.engine.max_total_blob_bytes)?;
+        shared.metrics.uploaded(chunk.data.len());
         upload.file.extend_from_slice(&chunk.data);
     }
     if upload.file.is_empty() {

@@ -23,5 +23,11 @@ mod limits;
 mod meshers;
 #[path = "service/patches.rs"]
 mod patches;
+#[path = "service/security.rs"]
+mod security;
+#[path = "service/several.rs"]
+mod several;
 #[path = "service/sizes.rs"]
 mod sizes;
+#[path = "service/watch.rs"]
+mod watch;

@@ -26,7 +26,14 @@ async fn get(daemon: &Daemon, session: &str, patch: u32) -> Result<v1::GetPatchC
 /// A request that changes the named parts of the spec of patch 0.
 fn edit(session: &str, spec: v1::ChartSpec, paths: &[&str]) -> v1::UpdatePatchChartRequest {
     let update_mask = (!paths.is_empty()).then(|| FieldMask { paths: paths.iter().map(|p| (*p).to_owned()).collect() });
-    v1::UpdatePatchChartRequest { session: session.to_owned(), base_revision: None, patch: 0, spec: Some(spec), update_mask }
+    v1::UpdatePatchChartRequest {
+        session: session.to_owned(),
+        base_revision: None,
+        patch: 0,
+        spec: Some(spec),
+        update_mask,
+        ..Default::default()
+    }
 }
 
 async fn update(daemon: &Daemon, request: v1::UpdatePatchChartRequest) -> Result<v1::UpdatePatchChartResponse, Status> {
@@ -126,9 +133,9 @@ async fn a_patch_gets_a_spec_of_its_own_and_gives_it_back() {
     let inputs = daemon.sessions().get_session(v1::GetSessionRequest { name: session.clone() }).await.expect("get").into_inner();
     assert_eq!(inputs.session.and_then(|s| s.inputs).map(|i| i.patch_charts), Some(1));
 
-    let reset = v1::ResetPatchChartRequest { session: session.clone(), base_revision: Some(3), patch: 0 };
+    let reset = v1::ResetPatchChartRequest { session: session.clone(), base_revision: Some(3), patch: 0, ..Default::default() };
     assert_eq!(daemon.charts().reset_patch_chart(reset).await.expect("reset").into_inner().revision, 4);
-    let again = v1::ResetPatchChartRequest { session: session.clone(), base_revision: None, patch: 0 };
+    let again = v1::ResetPatchChartRequest { session: session.clone(), base_revision: None, patch: 0, ..Default::default() };
     assert_eq!(daemon.charts().reset_patch_chart(again).await.expect("reset").into_inner().revision, 4, "nothing to take back");
     let back = get(&daemon, &session, 0).await.expect("get");
     assert_eq!(back.chart, Some(v1::get_patch_chart_response::Chart::Summary(first)));

@@ -9,6 +9,7 @@ use remesh_proto::v1::quality_service_client::QualityServiceClient;
 use remesh_proto::v1::remesh_service_client::RemeshServiceClient;
 use remesh_proto::v1::session_service_client::SessionServiceClient;
 use remesh_server::{ServeError, ServerConfig, serve};
+use std::net::SocketAddr;
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
@@ -19,6 +20,7 @@ use tonic_types::StatusExt;
 /// A running server; stops when dropped.
 pub(crate) struct Daemon {
     pub(crate) channel: Channel,
+    pub(crate) address: SocketAddr,
     pub(crate) stop: Option<oneshot::Sender<()>>,
     pub(crate) served: JoinHandle<Result<(), ServeError>>,
 }
@@ -32,7 +34,7 @@ impl Daemon {
             let _ = stopped.await;
         }));
         let channel = Endpoint::from_shared(format!("http://{address}")).expect("uri").connect().await.expect("connects");
-        Daemon { channel, stop: Some(stop), served }
+        Daemon { channel, address, stop: Some(stop), served }
     }
 
     pub(crate) async fn usual() -> Daemon {
@@ -83,8 +85,12 @@ impl Daemon {
     }
 
     pub(crate) async fn change(&self, session: &str, base: Option<u64>, change: v1::change::Change) -> Result<u64, Status> {
-        let request =
-            v1::ApplyChangeRequest { session: session.to_owned(), base_revision: base, change: Some(v1::Change { change: Some(change) }) };
+        let request = v1::ApplyChangeRequest {
+            session: session.to_owned(),
+            base_revision: base,
+            change: Some(v1::Change { change: Some(change) }),
+            ..Default::default()
+        };
         self.sessions().apply_change(request).await.map(|r| r.into_inner().revision)
     }
 

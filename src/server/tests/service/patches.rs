@@ -28,19 +28,20 @@ async fn partition(daemon: &Daemon, session: &str, with_charts: bool) -> v1::Par
 }
 
 async fn split(daemon: &Daemon, session: &str, base: Option<u64>, patch: u32, how: Option<How>) -> Result<v1::SplitPatchResponse, Status> {
-    let request = v1::SplitPatchRequest { session: session.to_owned(), base_revision: base, patch, how };
+    let request = v1::SplitPatchRequest { session: session.to_owned(), base_revision: base, patch, how, ..Default::default() };
     daemon.partitions().split_patch(request).await.map(tonic::Response::into_inner)
 }
 
 async fn merge(daemon: &Daemon, session: &str, patches: &[u32]) -> Result<v1::MergePatchesResponse, Status> {
-    let request = v1::MergePatchesRequest { session: session.to_owned(), base_revision: None, patches: patches.to_vec() };
+    let request =
+        v1::MergePatchesRequest { session: session.to_owned(), base_revision: None, patches: patches.to_vec(), ..Default::default() };
     daemon.partitions().merge_patches(request).await.map(tonic::Response::into_inner)
 }
 
 async fn reassign(daemon: &Daemon, session: &str, faces: &[u32], patch: u32) -> Result<v1::ReassignFacesResponse, Status> {
     let bytes: Vec<u8> = faces.iter().flat_map(|f| f.to_le_bytes()).collect();
     let faces = Some(v1::PackedArray { data: Some(Data::Inline(bytes.into())) });
-    let request = v1::ReassignFacesRequest { session: session.to_owned(), base_revision: None, faces, patch };
+    let request = v1::ReassignFacesRequest { session: session.to_owned(), base_revision: None, faces, patch, ..Default::default() };
     daemon.partitions().reassign_faces(request).await.map(tonic::Response::into_inner)
 }
 
@@ -69,8 +70,9 @@ async fn a_patch_is_split_merged_and_reset() {
     let merged = merge(&daemon, &session, &numbers).await.expect("merge");
     assert_eq!((merged.revision, merged.patch_count as usize), (4, before.patches.len()));
     assert_eq!(merged.patches[0].origin(), v1::PatchOrigin::Merge);
-    let reset =
-        |session: String| async { daemon.partitions().reset_patches(v1::ResetPatchesRequest { session, base_revision: None }).await };
+    let reset = |session: String| async {
+        daemon.partitions().reset_patches(v1::ResetPatchesRequest { session, base_revision: None, ..Default::default() }).await
+    };
     let back = reset(session.clone()).await.expect("reset").into_inner();
     assert_eq!((back.revision, back.edits), (5, 2));
     assert_eq!(reset(session.clone()).await.expect("reset").into_inner().revision, 5, "nothing to take back");
