@@ -119,13 +119,15 @@ fn curved_surfaces_with_and_without_features_keep_their_topology() {
         }
         let area = run(|run| pipeline::import(&engine, &session.snapshot(), run)).unwrap().value.mesh.area();
         let size = (area / 1500.0).sqrt();
+        let fewer = if kind == SampleKind::Artery { 15 } else { 20 };
         for kind in [QuadKind::Mixed, QuadKind::All] {
             session.apply(None, &[Change::Size(SizeSpec::Uniform { size }), Change::Mesher(Mesher::Quads(kind))]).unwrap();
             let (remesh, report) = quality(&engine, &session).value;
             let quads = report.quads.as_ref().expect("quadrangles");
             assert!(report.topology_kept, "{report:?}");
             match kind {
-                QuadKind::Mixed => assert!(quads.eta_mean > 0.85 && quads.triangles * 20 < quads.quads, "{quads:?}"),
+                // More triangles stay where a branch is four elements around.
+                QuadKind::Mixed => assert!(quads.eta_mean > 0.85 && quads.triangles * fewer < quads.quads, "{quads:?}"),
                 // Branches of the artery are narrower than the triangles of double size that these are made of.
                 QuadKind::All => assert!(quads.eta_mean > 0.7 && quads.triangles == 0, "{quads:?}"),
             }
