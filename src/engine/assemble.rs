@@ -1,13 +1,13 @@
 //! Joining the lifted patches into one conforming mesh along the shared curve meshes.
 
 use crate::curve::{Curve, CurveKind, CurveMesh, CurveNetwork, CurvePoint};
-use crate::error::{EngineError, Result};
+use crate::error::{Element, EngineError, Location, Reason, Result};
 use crate::fingerprint::{Contents, Feeder};
 use crate::mesh::SurfaceMesh;
 use crate::patch::PatchMap;
 use crate::planar::{LiftedPatch, VertexOrigin};
 use crate::topology::Topology;
-use crate::vector::Vec3;
+use crate::vector::{Vec3, lerp};
 
 mod unfold;
 
@@ -253,10 +253,29 @@ fn curve_edges(network: &CurveNetwork, numbers: &[Vec<u32>]) -> Vec<[u32; 2]> {
     edges
 }
 
+/// An edge at a vertex of a curve that has more than two faces.
+fn crowded_edge(out: &Assembled) -> Option<[u32; 2]> {
+    let sides = out.triangles.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
+    let mut edges: Vec<[u32; 2]> = sides.map(|[a, b]| [a.min(b), a.max(b)]).filter(|e| e[0] < out.curve_vertices).collect();
+    edges.sort_unstable();
+    edges.windows(3).find(|w| w[0] == w[2]).map(|w| w[0])
+}
+
 /// Manifold, and component for component the input's Euler characteristic and boundary loops.
 fn check_topology(input: &Topology, out: &Assembled) -> Result<()> {
-    let result = Topology::build(&out.triangles, out.positions.len())
-        .map_err(|e| EngineError::invariant(format!("the patch meshes do not join to a manifold: {}", e.message())))?;
+    let result = Topology::build(&out.triangles, out.positions.len()).map_err(|e| match crowded_edge(out) {
+        Some([a, b]) => EngineError::new(
+            Reason::PlanarMeshFailed,
+            "at this size the meshes of patches meet, or one meets itself, in more than their curves",
+        )
+        .with_hint("ask for a smaller size or more triangles")
+        .with_locations([Location {
+            element: Element::Face,
+            ids: vec![out.vertex_face[a as usize]],
+            position: lerp(out.positions[a as usize], out.positions[b as usize], 0.5),
+        }]),
+        None => EngineError::invariant(format!("the patch meshes do not join to a manifold: {}", e.message())),
+    })?;
     let numbers = |t: &Topology| {
         let mut list: Vec<(i64, u32)> = t.components.iter().map(|c| (c.euler(), c.loops)).collect();
         list.sort_unstable();

@@ -234,7 +234,7 @@ pub(crate) struct InputArgs {
     /// Bound on pi A / L^2 of a patch (A its area, L its longest border) [default: 4]
     #[arg(long, value_name = "RATIO", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) max_aspect_ratio: Option<f64>,
-    /// How handles are opened and the surface is divided [default: auto, which is multilevel today]
+    /// How handles are opened and the surface is divided [default: auto, which compares them where they can differ]
     #[arg(long, value_name = "STRATEGY")]
     pub(crate) partition_strategy: Option<PartitionStrategy>,
     /// Point and normal of the plane of `--partition-strategy plane`; without it the best of a few planes is taken

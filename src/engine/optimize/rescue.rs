@@ -17,8 +17,14 @@ const RINGS: u32 = 2;
 const WIDTH: usize = 4;
 /// Least gain, of the badness a piece has.
 const GAIN: f64 = 0.02;
-/// Faces tried, at most: a mesh with more of them has another problem than this can solve.
+/// Faces tried, at most, and so many of all: a mesh with more of them has another problem than this can solve, a size coarser than its shape.
 const MOST_FACES: usize = 2000;
+const LEAST_FACES: usize = 100;
+const ONE_IN: usize = 50;
+/// Trials without success after which the rest, which are less bad, are left.
+const PATIENCE: u32 = 60;
+/// Faces of the surroundings, at most: more come from vertices with very many edges.
+const MOST_AROUND: usize = 400;
 
 /// The surroundings of a face as a mesh of its own.
 struct Piece<'a> {
@@ -43,11 +49,14 @@ pub(super) enum Effort {
 pub(super) fn rescue(state: &mut State<'_>, target: f64, effort: Effort, work: &Work<'_>) -> Result<u32> {
     let mut bad: Vec<(f64, u32)> = state.mesh.faces_left().map(|f| (state.kappa(f), f)).filter(|x| x.0 < target).collect();
     bad.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
-    bad.truncate(MOST_FACES);
+    bad.truncate(MOST_FACES.min(LEAST_FACES.max(state.mesh.faces_left().count() / ONE_IN)));
     let nearby = (effort == Effort::Whole && !bad.is_empty()).then(|| Nearby::new(&state.mesh));
-    let mut taken = 0;
+    let (mut taken, mut idle) = (0, 0);
     for (_, f) in bad {
         work.check()?;
+        if idle >= PATIENCE {
+            break;
+        }
         let held = |state: &State<'_>| state.mesh.corners(f).iter().any(|&v| state.mesh.class[v as usize].stays());
         if !state.mesh.is_face(f) || state.kappa(f) >= target || (effort == Effort::Inside && held(state)) {
             continue;
@@ -57,14 +66,16 @@ pub(super) fn rescue(state: &mut State<'_>, target: f64, effort: Effort, work: &
         let accept = |trial: &State<'_>| place.as_ref().is_none_or(|place| !piece.adds_crossings(state, place, trial));
         if let Some(trial) = best_trial(&piece, target, effort, accept, work)? {
             redo(state, &piece.vertices, trial.log.unwrap_or_default());
-            taken += 1;
+            (taken, idle) = (taken + 1, 0);
+        } else {
+            idle += 1;
         }
     }
     Ok(taken)
 }
 
 impl<'a> Piece<'a> {
-    /// `None` where the surroundings of a face are no manifold by themselves.
+    /// `None` where the surroundings of a face are no manifold by themselves or too large.
     fn around(state: &State<'a>, face: u32) -> Option<Piece<'a>> {
         let m = &state.mesh;
         let mut faces = vec![face];
@@ -72,6 +83,9 @@ impl<'a> Piece<'a> {
             faces = faces.iter().flat_map(|&f| m.corners(f)).flat_map(|v| m.around(v)).map(|h| h / 3).collect();
             faces.sort_unstable();
             faces.dedup();
+            if faces.len() > MOST_AROUND {
+                return None;
+            }
         }
         let mut vertices: Vec<u32> = faces.iter().flat_map(|&f| m.corners(f)).collect();
         vertices.sort_unstable();

@@ -11,7 +11,8 @@ use crate::work::Work;
 const LEAST_GAIN: f64 = 0.25;
 
 /// Partitions by `Multilevel`; where handles or long parts, rather than size, make the number of patches, also by the strategies that
-/// serve those, and takes the fewest patches, of equal numbers what is expected to need fewer charts. The reason names what was compared.
+/// serve those until none can have fewer patches, and takes the fewest, of equal numbers what is expected to need fewer charts. The
+/// reason names what was compared.
 ///
 /// # Errors
 /// Those of `Multilevel`; a trial that fails is named in the reason.
@@ -44,12 +45,20 @@ pub(super) fn automatic(surface: &Surface<'_>, spec: &PartitionSpec, work: &Work
         }
     }
     if handles > 0 {
-        contest.enter(PartitionStrategy::Laplace, "laplace", cuts::partition(surface, spec, laplace::cut, work))?;
+        // Along loops first: of equal numbers its patches need the fewest charts. No trial is needed once none can have fewer patches.
         contest.enter(PartitionStrategy::Handles, "handles", handles::by_handles(surface, spec, work))?;
-        let found = plane::find_plane(surface, work)?;
-        let by_plane = PartitionStrategy::Plane { plane: Some(found.plane) };
-        contest.enter(by_plane, "plane", plane::by_found_plane(surface, found.plane, spec, work))?;
+        if contest.best.patches.len() > least {
+            let found = plane::find_plane(surface, work)?;
+            let by_plane = PartitionStrategy::Plane { plane: Some(found.plane) };
+            contest.enter(by_plane, "plane", plane::by_found_plane(surface, found.plane, spec, work))?;
+        }
+        if contest.best.patches.len() > least {
+            contest.enter(PartitionStrategy::Laplace, "laplace", cuts::partition(surface, spec, laplace::cut, work))?;
+        }
         contest.told.push(format!("pants at least {}", fewest_pants(pieces.iter().map(|p| (p.genus(), p.loops)))));
+    }
+    if contest.best.patches.len() <= least {
+        contest.told.push("none can have fewer".to_owned());
     }
     let what = match (handles, long) {
         (0, 1) => "a long piece".to_owned(),

@@ -4,7 +4,7 @@ use super::handles::{Loops, open_handles};
 use super::strategy::Plane;
 use super::surface::{Limits, Surface};
 use super::{Partition, PartitionSpec, complete, connected_sets, face_groups, smooth};
-use crate::error::Result;
+use crate::error::{EngineError, Result};
 use crate::features::Features;
 use crate::vector::{Vec3, add_scaled, bounds, cross, dot, norm, scale, sub, unit};
 use crate::work::Work;
@@ -40,6 +40,10 @@ pub(super) fn by_found_plane(surface: &Surface<'_>, plane: Plane, spec: &Partiti
 /// Partition by a given plane, whose cut is kept as if it were a feature.
 pub(super) fn by_given_plane(surface: &Surface<'_>, plane: Plane, spec: &PartitionSpec, work: &Work<'_>) -> Result<Partition> {
     let limits = limits_of(spec);
+    let sides = sides(surface, plane);
+    if sides.windows(2).all(|pair| pair[0] == pair[1]) {
+        return Err(EngineError::bad_parameter("strategy.plane", "all of the surface is on one side of the plane"));
+    }
     let side = cleaned_sides(surface, plane, limits, work)?;
     let features = with_borders(surface, &side);
     let cut = Surface { features: &features, length: surface.length.clone(), area: surface.area.clone(), ..*surface };

@@ -37,7 +37,8 @@ pub fn faces_intersect(s: &[Vec3; 3], t: &[Vec3; 3]) -> bool {
     let mut shared = [(0, 0); 3];
     let mut count = 0;
     for i in 0..3 {
-        if let Some(j) = (0..3).find(|&j| s[i] == t[j]) {
+        // A corner of a triangle of no area may equal another corner of it: each is shared once.
+        if let Some(j) = (0..3).find(|&j| s[i] == t[j] && shared[..count].iter().all(|x| x.1 != j)) {
             shared[count] = (i, j);
             count += 1;
         }

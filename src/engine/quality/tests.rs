@@ -211,6 +211,18 @@ fn faces_that_meet_in_more_than_they_share() {
     check([y, o, x], false); // the same face again: a duplicate, told elsewhere
 }
 
+/// Corners that are equal within a triangle, whichever of them is shared: no panic, and a triangle does not cross itself.
+#[test]
+fn triangles_with_equal_corners_are_survived() {
+    let corners = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let all = |n: usize| [corners[n % 3], corners[n / 3 % 3], corners[n / 9 % 3]];
+    let n_corners = |n: usize| (0..3).filter(|c| [n % 3, n / 3 % 3, n / 9 % 3].contains(c)).count();
+    for (i, j) in (0..27).flat_map(|i| (0..27).map(move |j| (i, j))) {
+        let meet = faces_intersect(&all(i), &all(j));
+        assert!(i != j || n_corners(i) < 3 || !meet, "{:?}", all(i));
+    }
+}
+
 #[test]
 fn crossing_balls_are_found() {
     let ball = sphere(3);

@@ -191,8 +191,9 @@ fn a_given_plane_is_kept_also_where_nothing_asks_for_it() {
         assert!(x.abs() < 0.15 || (x > 0.0) == (p == partition.face_patch[partition.face_patch.len() - 1]), "face {f} at {x}");
     }
     let token = CancelToken::new();
-    for normal in [[0.0; 3], [f64::NAN, 0.0, 1.0], [f64::INFINITY, 0.0, 0.0]] {
-        let spec = by(&PartitionStrategy::Plane { plane: Some(Plane { point: [0.0; 3], normal }) });
+    let beside = ([1e9; 3], [1.0, 0.0, 0.0]);
+    for (point, normal) in [([0.0; 3], [0.0; 3]), ([0.0; 3], [f64::NAN, 0.0, 1.0]), ([0.0; 3], [f64::INFINITY, 0.0, 0.0]), beside] {
+        let spec = by(&PartitionStrategy::Plane { plane: Some(Plane { point, normal }) });
         let error = partition_surface(&case.mesh, &case.topology, &case.features, &spec, &Work::silent(&token)).unwrap_err();
         assert_eq!(error.reason(), Reason::BadParameter);
     }
