@@ -48,6 +48,9 @@ impl Default for OptimizeSpec {
     }
 }
 
+/// Triangles of a smaller kappa are worth a warning.
+pub const FLAT: f64 = 0.1;
+
 /// The finished mesh.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Remeshed {
@@ -59,6 +62,8 @@ pub struct Remeshed {
     pub curve_edges: Vec<[u32; 2]>,
     /// Faces that still intersect others after repair; `None` if that was not checked (no rounds).
     pub crossing_faces: Option<u32>,
+    /// Triangles with kappa below [`FLAT`]; 0 where a metric asks for long ones, and of quadrangles.
+    pub flat_faces: u32,
     /// Number of quadrangles: for `q` below it faces `2 q` = (a, b, c) and `2 q + 1` = (a, c, d) are the halves of quadrangle (a, b, c, d).
     pub quads: u32,
     /// Regions of the input (indices, increasing) without a face in the result; filled in after the optimisation.
@@ -125,7 +130,8 @@ pub fn optimize_surface(
         rescue::rescue(&mut state, spec.min_kappa, Effort::Whole, work)?;
         crossing = Some(untangle::untangle(&mut state, work)? as u32);
     }
-    Ok(Remeshed { crossing_faces: crossing, ..finish(input, &state) })
+    let flat = state.mesh.faces_left().filter(|&f| state.kappa(f) < FLAT).count();
+    Ok(Remeshed { crossing_faces: crossing, flat_faces: flat as u32, ..finish(input, &state) })
 }
 
 /// Rings of edges around curves that are worked on after the interiors of the patches.

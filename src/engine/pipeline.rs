@@ -18,7 +18,7 @@ use crate::features::Features;
 use crate::import::{ImportOptions, Imported};
 use crate::mesh::SurfaceMesh;
 use crate::metric::SurfaceMetric;
-use crate::optimize::Remeshed;
+use crate::optimize::{FLAT, Remeshed};
 use crate::parametrize::{Chart, ChartAttempt, ChartOutcome, ChartSpec, Distortion};
 use crate::partition::{EditState, Ground, Partition, PatchEdit, PatchRequest, PatchSummary, box_aspect_ratios, edit_partition, name_edit};
 use crate::planar::LiftedPatch;
@@ -27,7 +27,7 @@ use crate::session::{MeshSource, Snapshot};
 use crate::sizing::{SizeBase, SizeField, SizeSpec};
 use crate::stage::{StageRecord, Stored};
 use crate::topology::Topology;
-use crate::vector::{Vec2, kappa};
+use crate::vector::Vec2;
 use crate::work::Work;
 use context::Context;
 use std::collections::BTreeSet;
@@ -234,9 +234,6 @@ pub struct Remesh {
     pub result: Stored<Remeshed>,
 }
 
-/// Triangles of a smaller kappa are told in a warning.
-const FLAT: f64 = 0.1;
-
 impl Remesh {
     /// What a user should know of the result, one sentence each; empty if all is well.
     pub fn warnings(&self, snapshot: &Snapshot) -> Vec<String> {
@@ -258,17 +255,9 @@ impl Remesh {
         if let Some(count) = self.result.crossing_faces.filter(|&count| count > 0) {
             warnings.push(format!("{count} faces of the result intersect others; a smaller size follows narrow places more closely"));
         }
-        if self.metric.is_none() && self.result.quads == 0 {
-            let mesh = &self.result.mesh;
-            let shape = |f: usize| {
-                let [a, b, c] = mesh.corners(f);
-                kappa(a, b, c)
-            };
-            let flat = (0..mesh.triangles.len()).filter(|&f| shape(f) < FLAT).count();
-            if flat > 0 {
-                warnings
-                    .push(format!("{flat} triangles have kappa below {FLAT}; a smaller size follows what is thinner than the size there"));
-            }
+        let flat = self.result.flat_faces;
+        if flat > 0 {
+            warnings.push(format!("{flat} triangles have kappa below {FLAT}; a smaller size follows what is thinner than the size there"));
         }
         let asked = match &snapshot.size {
             Some(SizeSpec::TriangleCount { triangles }) => Some(*triangles),

@@ -17,10 +17,11 @@ const RINGS: u32 = 2;
 const WIDTH: usize = 4;
 /// Least gain, of the badness a piece has.
 const GAIN: f64 = 0.02;
-/// Faces tried, at most, and so many of all: a mesh with more of them has another problem than this can solve, a size coarser than its shape.
-const MOST_FACES: usize = 2000;
-const LEAST_FACES: usize = 100;
+/// Faces tried are one in so many, within two bounds: a mesh with more of them has another problem than this can solve, such as a size
+/// coarser than its shape.
 const ONE_IN: usize = 50;
+const LEAST_FACES: usize = 100;
+const MOST_FACES: usize = 2000;
 /// Trials without success after which the rest, which are less bad, are left.
 const PATIENCE: u32 = 60;
 /// Faces of the surroundings, at most: more come from vertices with very many edges.
@@ -49,7 +50,7 @@ pub(super) enum Effort {
 pub(super) fn rescue(state: &mut State<'_>, target: f64, effort: Effort, work: &Work<'_>) -> Result<u32> {
     let mut bad: Vec<(f64, u32)> = state.mesh.faces_left().map(|f| (state.kappa(f), f)).filter(|x| x.0 < target).collect();
     bad.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
-    bad.truncate(MOST_FACES.min(LEAST_FACES.max(state.mesh.faces_left().count() / ONE_IN)));
+    bad.truncate((state.mesh.faces_left().count() / ONE_IN).clamp(LEAST_FACES, MOST_FACES));
     let nearby = (effort == Effort::Whole && !bad.is_empty()).then(|| Nearby::new(&state.mesh));
     let (mut taken, mut idle) = (0, 0);
     for (_, f) in bad {

@@ -125,7 +125,18 @@ fn run(mesh: &SurfaceMesh, size: f64, spec: &OptimizeSpec) -> (Assembled, Remesh
     let done = optimize_surface(mesh, &bvh, &start, Interiors::Raw, &sizes, spec, &work).unwrap();
     let target = TargetSize::Uniform(size);
     let report = measure_quality(mesh, &bvh, &done.mesh, Some(&target), QualityScope::Full, &work).unwrap();
+    // Bins of a twentieth: the first two are what is told as flat.
+    assert_eq!(u64::from(done.flat_faces), report.shape.kappa_histogram[..2].iter().sum::<u64>());
     (start, done, report)
+}
+
+#[test]
+fn flat_triangles_are_counted() {
+    let place = |v: u32| [f64::from(v / 2) * 20.0, f64::from(v % 2), 0.0];
+    let triangles = (0..10).flat_map(|i| [[2 * i, 2 * i + 2, 2 * i + 1], [2 * i + 1, 2 * i + 2, 2 * i + 3]]).collect();
+    let mesh = SurfaceMesh::from_parts((0..22).map(place).collect(), triangles);
+    let (_, done, _) = run(&mesh, 5.0, &OptimizeSpec { rounds: 0, ..OptimizeSpec::default() });
+    assert_eq!(done.flat_faces, 20);
 }
 
 #[test]

@@ -32,7 +32,7 @@ pub(super) fn limits_of(spec: &PartitionSpec) -> Limits {
 /// Partition by a plane found by [`find_plane`]; parts are merged across it where that is valid.
 pub(super) fn by_found_plane(surface: &Surface<'_>, plane: Plane, spec: &PartitionSpec, work: &Work<'_>) -> Result<Partition> {
     let limits = limits_of(spec);
-    let side = cleaned_sides(surface, plane, limits, work)?;
+    let side = cleaned_sides(surface, sides(surface, plane), limits, work)?;
     let parts = connected_sets(surface, |f, g| side[f as usize] == side[g as usize]);
     complete(surface, open_handles(surface, parts, Loops::Shortest, work)?, limits, spec, work)
 }
@@ -40,11 +40,11 @@ pub(super) fn by_found_plane(surface: &Surface<'_>, plane: Plane, spec: &Partiti
 /// Partition by a given plane, whose cut is kept as if it were a feature.
 pub(super) fn by_given_plane(surface: &Surface<'_>, plane: Plane, spec: &PartitionSpec, work: &Work<'_>) -> Result<Partition> {
     let limits = limits_of(spec);
-    let sides = sides(surface, plane);
-    if sides.windows(2).all(|pair| pair[0] == pair[1]) {
+    let side = sides(surface, plane);
+    if side.windows(2).all(|pair| pair[0] == pair[1]) {
         return Err(EngineError::bad_parameter("strategy.plane", "all of the surface is on one side of the plane"));
     }
-    let side = cleaned_sides(surface, plane, limits, work)?;
+    let side = cleaned_sides(surface, side, limits, work)?;
     let features = with_borders(surface, &side);
     let cut = Surface { features: &features, length: surface.length.clone(), area: surface.area.clone(), ..*surface };
     complete(&cut, open_handles(&cut, face_groups(&cut), Loops::Shortest, work)?, limits, spec, work)
@@ -61,9 +61,8 @@ fn with_borders(surface: &Surface<'_>, label: &[u32]) -> Features {
     features
 }
 
-/// Side of the plane of each face (0 or 1) by its centroid, islands given to what surrounds them, the border smoothed. O(F).
-fn cleaned_sides(surface: &Surface<'_>, plane: Plane, limits: Limits, work: &Work<'_>) -> Result<Vec<u32>> {
-    let mut side = sides(surface, plane);
+/// Side of each face (0 or 1), islands given to what surrounds them, the border smoothed. O(F).
+fn cleaned_sides(surface: &Surface<'_>, mut side: Vec<u32>, limits: Limits, work: &Work<'_>) -> Result<Vec<u32>> {
     work.check()?;
     let sets = connected_sets(surface, |f, g| side[f as usize] == side[g as usize]);
     let mut label = vec![0u32; side.len()];
