@@ -13,6 +13,7 @@ mod convert;
 mod desk;
 mod dispatch;
 mod feed;
+mod keep;
 mod metrics;
 mod progress;
 pub mod security;
@@ -22,6 +23,7 @@ mod state;
 mod status;
 mod stream;
 
-pub use config::{Clock, ServerConfig};
+pub use config::{Clock, Keeping, ServerConfig};
+pub use remesh_store::StoreError;
 pub use security::{Security, SecurityFiles};
 pub use serve::{ServeError, in_process, serve, serve_with_metrics};
