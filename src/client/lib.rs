@@ -39,7 +39,9 @@ mod credentials;
 mod error;
 mod history;
 mod patches;
+mod snapshot;
 mod transfer;
+mod upload;
 
 #[cfg(feature = "cli")]
 pub mod cli;
@@ -51,5 +53,7 @@ pub use credentials::{Bearer, Credentials};
 pub use error::{CallError, ClientError, FieldError, Place, PlaceElement, Result};
 pub use history::SessionEvents;
 pub use remesh_proto::v1;
+pub use snapshot::SnapshotStream;
 pub use tonic::transport::Channel;
-pub use transfer::{CHUNK_BYTES, Exported, Source};
+pub use transfer::{Exported, Source};
+pub use upload::CHUNK_BYTES;

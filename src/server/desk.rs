@@ -42,13 +42,18 @@ pub(crate) struct Desk {
 impl Desk {
     /// For a new session.
     pub(crate) fn new(display_name: String, owner: Caller, clock: Clock) -> Self {
+        Desk::kept(display_name, owner, clock, Answers::default(), Ledger::default())
+    }
+
+    /// For a session of before the server was started.
+    pub(crate) fn kept(display_name: String, owner: Caller, clock: Clock, answers: Answers, ledger: Ledger) -> Self {
         Desk {
             display_name,
             owner,
             feed: Arc::new(Feed::new(clock)),
-            answers: Answers::default(),
+            answers,
             meshes: Mutex::default(),
-            ledger: Mutex::default(),
+            ledger: Mutex::new(ledger),
             noted_use: Mutex::default(),
         }
     }

@@ -126,7 +126,7 @@ impl Ledger {
     fn take(&mut self, revision: u64, written: Written) {
         let Written { current, kept, gone_parts, gone_revisions, answer } = written;
         self.kept.extend(kept);
-        gone_parts.iter().for_each(|part| drop(self.kept.remove(part)));
+        self.kept.retain(|part| !gone_parts.contains(part));
         gone_revisions.iter().for_each(|number| drop(self.revisions.remove(number)));
         self.revisions.insert(revision, current.ids().collect());
         self.current = Some(current);

@@ -16,7 +16,7 @@ use remesh_engine::session::{Past, Revision, Session, Snapshot};
 use remesh_proto::v1;
 use remesh_store::{Contents, Leftover, Store, StoreError};
 use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
 /// What a data folder held.
@@ -134,8 +134,7 @@ impl Opening<'_> {
         let keys: VecDeque<Vec<u8>> = records.answers.into_iter().map(|(key, _)| key).collect();
         let ledger = Ledger::of(kept, whole.revisions.iter().map(|r| (r.revision, part_names(r))).collect(), keys);
         let owner = header.owner.map(Caller::named).unwrap_or_default();
-        let desk = Desk::new(header.display_name, owner, self.clock.clone());
-        let desk = Desk { answers: Answers::of(answers), ledger: Mutex::new(ledger), ..desk };
+        let desk = Desk::kept(header.display_name, owner, self.clock.clone(), Answers::of(answers), ledger);
         meshes.into_iter().for_each(|(snapshot, summary)| desk.note_mesh(&snapshot, summary));
         Ok((session, desk))
     }

@@ -6,7 +6,6 @@ use crate::convert::from_proto::{self, WhichMesh};
 use crate::convert::{sources, to_proto};
 use crate::dispatch::{Call, Intent};
 use crate::state::{Shared, Target, blob_name};
-use crate::status::Fault;
 use crate::stream::{Chunks, Column, Watch, file_pieces};
 use remesh_engine::error::Result as EngineResult;
 use remesh_engine::export::{Encoding, Exported, FaceData, export_mesh};
