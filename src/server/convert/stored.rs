@@ -257,3 +257,151 @@ pub(crate) fn read_part(engine: &Engine, bytes: &[u8]) -> Result<ReadPart> {
     };
     Ok(ReadPart { changes, mesh: summary })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use remesh_engine::engine::EngineConfig;
+    use remesh_engine::features::{CompoundSpec, FeatureSpec, RegionBorders};
+    use remesh_engine::import::ImportOptions;
+    use remesh_engine::lock::LockSpec;
+    use remesh_engine::mesh::{LengthUnit, Region, SurfaceMesh};
+    use remesh_engine::metric::{MetricSource, MetricSpec};
+    use remesh_engine::optimize::OptimizeSpec;
+    use remesh_engine::parametrize::{ChartMethod, ChartSpec, Pin, Pins};
+    use remesh_engine::partition::{BorderSmoothing, PartitionSpec, PartitionStrategy, Plane};
+    use remesh_engine::planar::QuadKind;
+    use remesh_engine::sample::{SampleKind, SampleSpec};
+    use remesh_engine::session::Revision;
+    use remesh_engine::sizing::{
+        Centerline, CenterlineMeasure, CenterlineSize, ComposedSize, DistanceSize, DistanceSource, SizeBase, SizeFieldSpec, SizeSpec,
+    };
+    use std::collections::HashMap;
+
+    const PATCH: Fingerprint = Fingerprint([7; 16]);
+
+    fn triangle() -> SurfaceMesh {
+        SurfaceMesh {
+            positions: vec![[0.0, -0.0, 1e-300], [1.0, 0.0, 0.1], [0.0, 1.0, f64::MAX]],
+            triangles: vec![[0, 1, 2]],
+            face_region: vec![1],
+            regions: vec![Region { id: -3, name: "a".into() }, Region { id: 9, name: String::new() }],
+            unit: LengthUnit::Inch,
+        }
+    }
+
+    fn composed() -> SizeSpec {
+        let line = Centerline { points: vec![[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]], radii: vec![0.5, 0.25] };
+        let distance = |from| SizeFieldSpec::Distance(DistanceSize { from, size: 0.5, reach: 1.0, growth_rate: None });
+        let lines = vec![vec![[0.0; 3], [1.0; 3]], vec![[2.0; 3], [3.0; 3], [4.0; 3]]];
+        SizeSpec::Composed(ComposedSize {
+            base: SizeBase::Triangles(99),
+            fields: vec![
+                SizeFieldSpec::PerVertex { sizes: Arc::new(vec![1.0, 2.0, 0.1]) },
+                SizeFieldSpec::Centerline(CenterlineSize {
+                    lines: Some(Arc::new(vec![line])),
+                    measure: CenterlineMeasure::Distance,
+                    elements_around: 12.0,
+                }),
+                distance(DistanceSource::Points(Arc::new(vec![[0.1, 0.2, 0.3]]))),
+                distance(DistanceSource::Polylines(Arc::new(lines))),
+                SizeFieldSpec::Patch { patch: PATCH, size: 0.5 },
+            ],
+            min_size: Some(0.01),
+            max_size: Some(3.0),
+            growth_rate: Some(1.3),
+        })
+    }
+
+    /// Every kind of change, with nothing at its default.
+    fn changes(engine: &Engine) -> Vec<Change> {
+        let blob = engine.put_blob(b"a file".to_vec()).expect("blob");
+        let options = ImportOptions { weld_tolerance: 1e-5, only_regions: vec!["a".into()], max_faces: engine.config.max_faces, ..Default::default() };
+        let sample = SampleSpec { kind: SampleKind::Brake, triangles: 77, genus: Some(4), outlets: None, aspect_ratio: None };
+        let mesh = |source| Change::Mesh { source, options: options.clone() };
+        let plane = Plane { point: [1.0, 2.0, 3.0], normal: [0.0, 0.5, 0.0] };
+        let pins = Pins::Given(vec![Pin { vertex: 4, target: Some([0.1, 0.2]) }, Pin { vertex: 0, target: Some([1.0, 0.0]) }]);
+        let pinned = ChartSpec { pins, ..ChartSpec::only(ChartMethod::LeastSquaresConformal) };
+        let metric = MetricSpec {
+            source: MetricSource::PerVertex { tensors: Arc::new(vec![[1.0, 0.0, 0.0, 2.0, 0.0, 3.0]]) },
+            min_size: Some(0.1),
+            growth_rate: None,
+            ..MetricSpec::default()
+        };
+        vec![
+            mesh(MeshSource::File(blob)),
+            mesh(MeshSource::from_arrays(triangle())),
+            mesh(MeshSource::Sample(sample)),
+            Change::Features(FeatureSpec {
+                feature_angle_deg: None,
+                min_chain_share: 0.5,
+                region_borders: RegionBorders::Ignore,
+                explicit_edges: vec![[0, 1], [5, 2]],
+                compounds: CompoundSpec { lists: vec![vec!["x".into()]], merge_angle_deg: Some(20.0), merge_below_size: None },
+            }),
+            Change::Partition(PartitionSpec {
+                patches: Some(3),
+                strategy: PartitionStrategy::Plane { plane: Some(plane) },
+                borders: BorderSmoothing::Vote,
+                ..PartitionSpec::default()
+            }),
+            Change::Chart(ChartSpec::only(ChartMethod::Harmonic)),
+            Change::PatchChart { patch: PATCH, spec: Some(pinned) },
+            Change::PatchEdit(PatchEdit::Split { patch: PATCH, method: SplitMethod::Plane(plane) }),
+            Change::PatchEdit(PatchEdit::Split { patch: PATCH, method: SplitMethod::Laplace }),
+            Change::PatchEdit(PatchEdit::Merge { patches: vec![PATCH, Fingerprint([1; 16])] }),
+            Change::PatchEdit(PatchEdit::Reassign { faces: vec![3, 1, 2], from: vec![PATCH], to: Fingerprint([2; 16]) }),
+            Change::Size(SizeSpec::PerVertex { sizes: vec![1.0, 0.1 + 0.2], min_size: None, max_size: Some(2.0), growth_rate: None }),
+            Change::Size(composed()),
+            Change::Lock(LockSpec::Loops(vec![4, 2])),
+            Change::Mesher(Mesher::Quads(QuadKind::All)),
+            Change::Anisotropic(metric),
+            Change::Mesher(Mesher::Delaunay { min_angle_deg: 21.5 }),
+            Change::Optimize(OptimizeSpec { rounds: 3, min_kappa: 0.25 }),
+            Change::PatchChart { patch: PATCH, spec: None },
+            Change::ResetPatchEdits,
+        ]
+    }
+
+    fn read_back(engine: &Engine, named: &Parts, kept: &HashMap<PartId, Vec<u8>>) -> Snapshot {
+        let parts: Vec<ReadPart> = named.ids().map(|id| read_part(engine, &kept[&id]).expect("reads")).collect();
+        Snapshot::of_changes(named.snapshot.revision, parts.iter().flat_map(|part| &part.changes)).expect("applies")
+    }
+
+    #[test]
+    fn every_input_comes_back_to_the_last_bit() {
+        let engine = Engine::new(EngineConfig::default());
+        let changes = changes(&engine);
+        let mut kept = HashMap::new();
+        let mut former: Option<Parts> = None;
+        for count in 0..=changes.len() {
+            let snapshot = Arc::new(Snapshot::of_changes(Revision(count as u64), &changes[..count]).expect("applies"));
+            let (named, fresh) = parts(&snapshot, None, former.as_ref()).expect("parts");
+            kept.extend(fresh);
+            let (whole, all) = parts(&snapshot, None, None).expect("parts");
+            assert!(whole.ids().eq(named.ids()), "what is taken over from the former revision is what would be written: {count}");
+            assert!(all.iter().all(|(id, bytes)| kept.get(id) == Some(bytes)));
+            // Blobs tell no contents, but their digest is all there is to them.
+            assert_eq!(format!("{:?}", read_back(&engine, &named, &kept)), format!("{snapshot:?}"));
+            former = Some(named);
+        }
+    }
+
+    #[test]
+    fn what_is_no_part_is_told() {
+        let engine = Engine::new(EngineConfig::default());
+        let part = |part| v1::StoredPart { part: Some(part) }.encode_to_vec();
+        let missing = v1::StoredMesh { source: Some(v1::stored_mesh::Source::Blob("00".repeat(32))), ..Default::default() };
+        let nameless = v1::StoredPatchEdit { edit: Some(v1::stored_patch_edit::Edit::Merge(v1::StoredMerge { patches: vec![vec![1].into()] })) };
+        let cases = [
+            (vec![0xff; 9], Reason::SessionUnreadable),
+            (Vec::new(), Reason::SessionUnreadable),
+            (part(Part::Mesh(missing)), Reason::BlobNotFound),
+            (part(Part::PatchEdit(nameless)), Reason::BadParameter),
+            (part(Part::PatchEdit(v1::StoredPatchEdit::default())), Reason::BadParameter),
+        ];
+        for (bytes, reason) in cases {
+            assert_eq!(read_part(&engine, &bytes).expect_err("refused").reason(), reason);
+        }
+    }
+}
