@@ -42,7 +42,10 @@ pub(crate) struct Keeper {
 
 /// What the engine and clients are told of an error of the store. Where it is on the disk is for the log only.
 pub(crate) fn told(error: &StoreError) -> EngineError {
-    tracing::error!(%error, "the data folder");
+    match error {
+        StoreError::Full { .. } => tracing::warn!(%error, "the data folder is full"),
+        _ => tracing::error!(%error, "the data folder"),
+    }
     match error {
         StoreError::Full { .. } => EngineError::new(Reason::StoreFull, "there is no room to keep this; nothing has changed")
             .with_hint("delete sessions that are no longer needed, or ask for more room")

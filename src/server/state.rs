@@ -179,8 +179,22 @@ impl Shared {
         Ok(deleted)
     }
 
-    /// Removes expired sessions and what belongs to them, notes when the others were used, and cleans up.
+    /// What is done from time to time: expired sessions go, uses are noted, and what nobody uses is cleaned up.
     pub(crate) fn sweep(&self) {
+        self.expire();
+        self.note_uses();
+        let now = self.config.clock.now();
+        self.uploads.expire(self, now, self.config.upload_patience);
+        if let Some(keeping) = &self.config.keeping {
+            let files = self.keeper.clean_up(&self.engine, now, keeping.blob_grace);
+            if files > 0 {
+                tracing::info!(files, "unused uploaded files deleted");
+            }
+        }
+    }
+
+    /// Removes expired sessions and what belongs to them.
+    pub(crate) fn expire(&self) {
         let now = self.config.clock.now();
         let removed = self.engine.sweep(now);
         if removed > 0 {
@@ -198,14 +212,6 @@ impl Shared {
                 }
             }
             tracing::info!(removed, "expired sessions removed");
-        }
-        self.note_uses();
-        self.uploads.expire(self, now, self.config.upload_patience);
-        if let Some(keeping) = &self.config.keeping {
-            let files = self.keeper.clean_up(&self.engine, now, keeping.blob_grace);
-            if files > 0 {
-                tracing::info!(files, "unused uploaded files deleted");
-            }
         }
     }
 

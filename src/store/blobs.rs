@@ -85,7 +85,7 @@ impl Blobs {
 
     /// See [`crate::Store::begin`].
     pub(crate) fn begin(&self, label: Option<&str>) -> Result<Incoming> {
-        self.room.check(0)?;
+        self.room.check(1)?;
         let label: String = label.unwrap_or_default().chars().filter(|c| c.is_ascii_alphanumeric() || *c == '-').collect();
         let path = self.incoming.join(format!("{}.{label}", self.next.fetch_add(1, Ordering::Relaxed)));
         let file = private_file().create_new(true).open(&path).map_err(|e| StoreError::io("create", &path, e))?;

@@ -17,6 +17,10 @@ const CACHE_BYTES: usize = 8 << 20;
 const MOST_TOGETHER: usize = 256;
 /// What a batch may take on the disk besides its own bytes: pages of the tree that are copied.
 const OVERHEAD: u64 = 256 << 10;
+/// Bytes of pages for a byte of records, at most: pages come in powers of two.
+const PAGES_FOR_BYTES: u64 = 2;
+/// A file that is emptier than its contents need by this much is made smaller when it is opened.
+const WORTH_COMPACTING: u64 = 16 << 20;
 
 #[derive(Debug)]
 enum Step {
@@ -103,6 +107,13 @@ fn read_all(database: &Database) -> std::result::Result<Vec<(Vec<u8>, Vec<u8>)>,
 /// The records that a write replaced or deleted, to have them back.
 type Former = Vec<(Vec<u8>, Option<Vec<u8>>)>;
 
+/// Bytes that a write adds to what is kept, after what it replaces and deletes.
+fn added(batches: &[Batch], former: &Former) -> i64 {
+    let put: u64 = batches.iter().map(|batch| batch.bytes).sum();
+    let gone: usize = former.iter().filter_map(|(key, old)| Some(key.len() + old.as_ref()?.len())).sum();
+    put as i64 - gone as i64
+}
+
 fn write(database: &Database, former: &mut Former, batches: &[Batch]) -> std::result::Result<(), redb::Error> {
     let writing = database.begin_write()?;
     {
@@ -146,6 +157,8 @@ struct Writer {
     database: Option<Database>,
     /// What a write that failed may have changed nevertheless: put back before the next one.
     suspect: Former,
+    /// Bytes of all keys and values.
+    live: u64,
 }
 
 impl Writer {
@@ -165,14 +178,19 @@ impl Writer {
         let bytes: u64 = batches.iter().map(|batch| batch.bytes).sum();
         // What only deletes makes room and is never refused for want of it.
         if bytes > 0 {
-            self.room.check(bytes.saturating_mul(2).saturating_add(OVERHEAD))?;
+            // The file has room for what was deleted.
+            let slack = self.room.records().saturating_sub(PAGES_FOR_BYTES * self.live);
+            self.room.check((PAGES_FOR_BYTES * bytes).saturating_add(OVERHEAD).saturating_sub(slack))?;
         }
         self.reopen()?;
         let mut former = Former::new();
         let outcome = self.guarded(|database| write(database, &mut former, batches));
-        if outcome.is_err() {
-            self.suspect = former;
-            self.suspect.reverse();
+        match &outcome {
+            Ok(()) => self.live = self.live.saturating_add_signed(added(batches, &former)),
+            Err(_) => {
+                self.suspect = former;
+                self.suspect.reverse();
+            }
         }
         outcome
     }
@@ -213,6 +231,12 @@ impl Writer {
     }
 }
 
+/// The database in a smaller file; `None` if that failed, on a full disk perhaps: it is as it was then, and opened anew by the first write.
+fn compacted(mut database: Database) -> Option<Database> {
+    let done = catch_unwind(AssertUnwindSafe(move || database.compact().map(|_| database)));
+    done.ok().and_then(Result::ok)
+}
+
 impl Records {
     /// Opens the file and reads all records.
     pub(crate) fn open(path: PathBuf, room: Arc<Room>) -> Result<(Records, Vec<(Vec<u8>, Vec<u8>)>)> {
@@ -220,8 +244,13 @@ impl Records {
         let listed = catch_unwind(AssertUnwindSafe(|| read_all(&database)));
         let listed = listed.map_err(|_| StoreError::Corrupt { what: format!("{} cannot be read", path.display()) })?;
         let listed = listed.map_err(|e| StoreError::database(&path, e))?;
+        let live: u64 = listed.iter().map(|(key, value)| (key.len() + value.len()) as u64).sum();
+        let database = match room.records().saturating_sub(2 * PAGES_FOR_BYTES * live) {
+            WORTH_COMPACTING.. => compacted(database),
+            _ => Some(database),
+        };
         let (jobs, waiting) = mpsc::channel();
-        let writer = Writer { path: path.clone(), room, database: Some(database), suspect: Former::new() };
+        let writer = Writer { path: path.clone(), room, database, suspect: Former::new(), live };
         let spawned = std::thread::Builder::new().name("store".into()).spawn(move || writer.run(&waiting));
         let writer = spawned.map_err(|e| StoreError::io("start the writer of", &path, e))?;
         Ok((Records { jobs: Mutex::new(Some(jobs)), path, writer: Some(writer) }, listed))
@@ -313,6 +342,26 @@ mod tests {
     }
 
     #[test]
+    fn room_of_deleted_records_is_used_again_and_given_back() {
+        let folder = tempfile::tempdir().expect("folder");
+        let (records, _) = at(folder.path(), None);
+        let big = "x".repeat(1 << 20);
+        (0..30).for_each(|n| records.commit(batch(&[(&format!("big{n:02}"), Some(&big))])).expect("commits"));
+        drop(records);
+        let size = || Room::new(folder.path(), folder.path().join("records.redb"), None).used();
+        let full = size();
+        let (records, _) = at(folder.path(), Some(full));
+        assert!(matches!(records.commit(batch(&[("more", Some(&big))])), Err(StoreError::Full { .. })));
+        let mut gone = batch(&[("a", Some("b"))]);
+        gone.delete_all(b"big".to_vec());
+        records.commit(gone).expect("makes room");
+        records.commit(batch(&[("more", Some(&big))])).expect("there is room in the file");
+        drop(records);
+        let (_, listed) = at(folder.path(), None);
+        assert!(listed.len() == 2 && size() < full / 2, "{} of {full}", size());
+    }
+
+    #[test]
     fn a_write_that_failed_is_taken_back() {
         let folder = tempfile::tempdir().expect("folder");
         let (records, _) = at(folder.path(), None);
@@ -321,7 +370,7 @@ mod tests {
         let path = folder.path().join("records.redb");
         let room = Arc::new(Room::new(folder.path(), path.clone(), None));
         let suspect = vec![(b"a".to_vec(), Some(b"0".to_vec())), (b"b".to_vec(), None)];
-        let mut writer = Writer { path, room, database: None, suspect };
+        let mut writer = Writer { path, room, database: None, suspect, live: 2 };
         writer.commit(&[batch(&[("c", Some("3"))])]).expect("commits");
         drop(writer);
         assert_eq!(at(folder.path(), None).1, [(b"a".to_vec(), b"0".to_vec()), (b"c".to_vec(), b"3".to_vec())]);

@@ -33,9 +33,14 @@ impl Room {
         self.files.fetch_sub(bytes, Ordering::Relaxed);
     }
 
-    /// Bytes in use. The file of records has holes, so its blocks count, not its length.
+    /// Bytes in use.
     pub(crate) fn used(&self) -> u64 {
-        self.files.load(Ordering::Relaxed) + std::fs::metadata(&self.records).map_or(0, |m| 512 * m.blocks())
+        self.files.load(Ordering::Relaxed) + self.records()
+    }
+
+    /// Bytes of the file of records. It has holes, so its blocks count, not its length.
+    pub(crate) fn records(&self) -> u64 {
+        std::fs::metadata(&self.records).map_or(0, |m| 512 * m.blocks())
     }
 
     /// Whether `bytes` more would fit.
@@ -43,6 +48,9 @@ impl Room {
     /// # Errors
     /// [`StoreError::Full`].
     pub(crate) fn check(&self, bytes: u64) -> Result<()> {
+        if bytes == 0 {
+            return Ok(());
+        }
         if let Some(max) = self.max_bytes {
             let used = self.used();
             if used.saturating_add(bytes) > max {

@@ -224,8 +224,9 @@ async fn nothing_that_was_acknowledged_is_lost() {
         uploaded.lock().expect("not poisoned").extend(uploads.await.expect("uploads"));
         let begin = Instant::now();
         daemon = Daemon::start(folder.path(), &[]);
-        slowest = slowest.max(begin.elapsed());
         client = daemon.connect().await;
+        assert_eq!(client.list_sessions().await.expect("list").len(), SESSIONS);
+        slowest = slowest.max(begin.elapsed());
         let asked = digests(&uploaded.lock().expect("not poisoned"));
         for asked in asked.chunks(1000) {
             assert_eq!(client.missing_blobs(asked).await.expect("asked"), [], "uploads are there");

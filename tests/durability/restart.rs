@@ -49,8 +49,9 @@ async fn a_hundred_sessions_are_there_again() {
     daemon.stop();
     let begin = Instant::now();
     let daemon = Daemon::start(folder.path(), &[]);
-    println!("100 sessions: {:?} from the start of the process until it listens", begin.elapsed());
     let client = daemon.connect().await;
+    client.list_sessions().await.expect("list");
+    println!("100 sessions: {:?} from the start of the process until it answers", begin.elapsed());
     let mut listed: Vec<String> = client.list_sessions().await.expect("list").into_iter().map(|s| s.name).collect();
     listed.sort();
     names.sort();
@@ -119,7 +120,8 @@ async fn a_snapshot_is_restored_by_another_daemon() {
     let count = to.list_sessions().await.expect("list").len();
     for bad in bad {
         let refused = to.restore_session(bad.into(), "").await.expect_err("refused");
-        assert_eq!(refused.reason(), Some("SNAPSHOT_INVALID"), "{refused}");
+        // A length that says too much may also be beyond a limit.
+        assert!(matches!(refused.reason(), Some("SNAPSHOT_INVALID" | "LIMIT_REACHED")), "{refused}");
     }
     assert_eq!(to.list_sessions().await.expect("list").len(), count);
 }

@@ -78,7 +78,7 @@ fn create(shared: &Shared, request: v1::CreateSessionRequest, caller: &Caller) -
     check_display_name(&request.display_name)?;
     let ttl = request.ttl.map(|ttl| bounded_ttl(shared, ttl)).transpose()?;
     // Expired sessions must not keep new ones out.
-    shared.sweep();
+    shared.expire();
     let (session, desk) = shared.create_session(ttl, request.display_name, caller)?;
     Ok(v1::CreateSessionResponse { session: Some(whole(&session, &desk)) })
 }

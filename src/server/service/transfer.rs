@@ -108,6 +108,6 @@ fn open(shared: &Shared, restored: Restored, display_name: String, caller: &Call
     let name = if display_name.is_empty() { restored.session.display_name.clone() } else { display_name };
     super::session::check_display_name(&name)?;
     // Expired sessions must not keep new ones out.
-    shared.sweep();
+    shared.expire();
     shared.restore_session(ttl, name, &restored, caller)
 }

@@ -11,7 +11,7 @@ use remesh_engine::error::{Reason, Result as EngineResult};
 use remesh_engine::session::Blob;
 use remesh_proto::v1;
 use remesh_store::{Incoming, Leftover};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, SystemTime};
 use tokio::sync::{mpsc, oneshot};
@@ -133,6 +133,16 @@ impl Staged {
 
     /// Appends bytes. Blocks while the disk works.
     pub(crate) fn write(&mut self, shared: &Shared, data: &[u8]) -> EngineResult<()> {
+        match self.try_write(shared, data) {
+            // Uploads that broke are the first to make room.
+            Err(error) if matches!(error.reason(), Reason::LimitReached | Reason::StoreFull) && shared.uploads.make_room(shared) => {
+                self.try_write(shared, data)
+            }
+            outcome => outcome,
+        }
+    }
+
+    fn try_write(&mut self, shared: &Shared, data: &[u8]) -> EngineResult<()> {
         match self {
             Staged::Memory(held) => held.write(data, shared.config.engine.max_total_blob_bytes),
             Staged::File(incoming) => incoming.write(data).map_err(|error| crate::keep::told(&error)),
@@ -217,12 +227,15 @@ impl Uploads {
         let (late, kept): (Vec<_>, Vec<_>) = parked.drain(..).partition(is_late);
         *parked = kept;
         drop(parked);
-        for late in late {
-            match late.file {
-                Broken::Left(left) => shared.keeper.resume(&left).into_iter().flatten().for_each(Incoming::discard),
-                staged => discard(staged),
-            }
-        }
+        late.into_iter().for_each(|late| delete(shared, late.file));
+    }
+
+    /// Lets go of all uploads that broke; gives whether there were any.
+    fn make_room(&self, shared: &Shared) -> bool {
+        let gone = std::mem::take(&mut *self.parked());
+        let any = !gone.is_empty();
+        gone.into_iter().for_each(|parked| delete(shared, parked.file));
+        any
     }
 
     fn take(&self, shared: &Shared, ticket: &Ticket, offset: u64) -> Result<Staged, Fault> {
@@ -238,6 +251,13 @@ impl Uploads {
                 None => Err(Fault::UploadOffset { received: 0 }),
             },
         }
+    }
+}
+
+fn delete(shared: &Shared, broken: Broken) {
+    match broken {
+        Broken::Left(left) => shared.keeper.resume(&left).into_iter().flatten().for_each(Incoming::discard),
+        staged => discard(staged),
     }
 }
 
@@ -269,8 +289,14 @@ enum Piece {
     End(oneshot::Sender<Staged>),
 }
 
-/// Writes until the end; parks what came if there is none.
-fn write_all(shared: &Shared, ticket: Option<&Ticket>, mut staged: Staged, mut pieces: mpsc::Receiver<Piece>) -> EngineResult<()> {
+/// Writes until the end; parks what came if there is none, unless the upload was refused.
+fn write_all(
+    shared: &Shared,
+    ticket: Option<&Ticket>,
+    refused: &AtomicBool,
+    mut staged: Staged,
+    mut pieces: mpsc::Receiver<Piece>,
+) -> EngineResult<()> {
     let broken = loop {
         match pieces.blocking_recv() {
             Some(Piece::Data(data)) => staged.write(shared, &data)?,
@@ -281,7 +307,7 @@ fn write_all(shared: &Shared, ticket: Option<&Ticket>, mut staged: Staged, mut p
             None => break staged,
         }
     };
-    if let Some(ticket) = ticket {
+    if let Some(ticket) = ticket.filter(|_| !refused.load(Ordering::Acquire)) {
         shared.uploads.park(ticket.clone(), broken, shared.config.clock.now());
     }
     Ok(())
@@ -299,7 +325,6 @@ fn gone() -> Fault {
 
 /// Reads all chunks. Memory follows what arrives, never what is announced, and is bounded where there is a data folder.
 pub(crate) async fn receive(shared: &Arc<Shared>, caller: &Caller, mut stream: Streaming<v1::UploadMeshRequest>) -> Result<Upload, Fault> {
-    let broken = |status: tonic::Status| Fault::UploadBroken { code: status.code(), cause: status.message().to_owned() };
     let first = stream.message().await.map_err(broken)?.unwrap_or_default();
     let limit = shared.config.engine.max_blob_bytes;
     let (announced, offset) = (first.total_bytes, first.offset);
@@ -317,38 +342,72 @@ pub(crate) async fn receive(shared: &Arc<Shared>, caller: &Caller, mut stream: S
         (ticket, 0) => Staged::begin(shared, ticket.as_ref().map(Ticket::label).as_deref())?,
     };
     let (queue, pieces) = mpsc::channel(QUEUE);
-    let (writer_shared, writer_ticket) = (shared.clone(), ticket);
-    let writer = tokio::task::spawn_blocking(move || write_all(&writer_shared, writer_ticket.as_ref(), staged, pieces));
-    let mut total = offset;
-    let mut next = Some(first);
-    while let Some(chunk) = next {
-        if chunk.data.len() > CHUNK_BYTES {
-            let message = format!("a chunk has {} bytes, the limit is {CHUNK_BYTES}", chunk.data.len());
+    let refused = Arc::new(AtomicBool::new(false));
+    let (writer_shared, writer_refused) = (shared.clone(), refused.clone());
+    let writer = tokio::task::spawn_blocking(move || write_all(&writer_shared, ticket.as_ref(), &writer_refused, staged, pieces));
+    let passing = Passing { shared, limit, announced, queue };
+    match passing.all(stream, first).await {
+        Ok(Some(file)) => Ok(Upload { file, expected }),
+        // The thread ended early, and says why.
+        Ok(None) => Err(writer.await.map_or_else(|_| gone(), |ended| ended.err().map_or_else(gone, Fault::from))),
+        Err(fault) => {
+            refused.store(!matches!(fault, Fault::UploadBroken { .. }), Ordering::Release);
+            drop(passing);
+            Err(fault)
+        }
+    }
+}
+
+/// Chunks on their way to the thread that writes them.
+struct Passing<'a> {
+    shared: &'a Shared,
+    limit: usize,
+    announced: Option<u64>,
+    queue: mpsc::Sender<Piece>,
+}
+
+impl Passing<'_> {
+    /// Passes all chunks on and asks for the file; `None` if the thread has ended.
+    async fn all(&self, mut stream: Streaming<v1::UploadMeshRequest>, first: v1::UploadMeshRequest) -> Result<Option<Staged>, Fault> {
+        let mut total = first.offset;
+        let mut next = Some(first);
+        while let Some(chunk) = next {
+            total += chunk.data.len() as u64;
+            self.check(chunk.data.len(), total)?;
+            if !chunk.data.is_empty() && self.queue.send(Piece::Data(chunk.data)).await.is_err() {
+                return Ok(None);
+            }
+            next = stream.message().await.map_err(broken)?;
+        }
+        if total == 0 {
+            return Err(EngineError::bad_parameter("data", "the file is empty").into());
+        }
+        if let Some(announced) = self.announced.filter(|&announced| announced != total) {
+            let message = format!("{announced} bytes were announced, {total} came");
+            return Err(EngineError::bad_parameter("total_bytes", message).into());
+        }
+        let (reply, file) = oneshot::channel();
+        match self.queue.send(Piece::End(reply)).await {
+            Ok(()) => Ok(file.await.ok()),
+            Err(_) => Ok(None),
+        }
+    }
+
+    fn check(&self, chunk: usize, total: u64) -> Result<(), Fault> {
+        if chunk > CHUNK_BYTES {
+            let message = format!("a chunk has {chunk} bytes, the limit is {CHUNK_BYTES}");
             return Err(EngineError::bad_parameter("data", message).into());
         }
-        total += chunk.data.len() as u64;
-        if total > limit as u64 {
-            return Err(too_large(total, limit));
+        if total > self.limit as u64 {
+            return Err(too_large(total, self.limit));
         }
-        shared.metrics.uploaded(chunk.data.len());
-        if !chunk.data.is_empty() && queue.send(Piece::Data(chunk.data)).await.is_err() {
-            return Err(writer.await.map_or_else(|_| gone(), |ended| ended.err().map_or_else(gone, Fault::from)));
-        }
-        next = stream.message().await.map_err(broken)?;
+        self.shared.metrics.uploaded(chunk);
+        Ok(())
     }
-    if total == 0 {
-        return Err(EngineError::bad_parameter("data", "the file is empty").into());
-    }
-    if let Some(announced) = announced.filter(|&announced| announced != total) {
-        let message = format!("{announced} bytes were announced, {total} came");
-        return Err(EngineError::bad_parameter("total_bytes", message).into());
-    }
-    let (reply, file) = oneshot::channel();
-    let asked = queue.send(Piece::End(reply)).await;
-    match (asked, file.await) {
-        (Ok(()), Ok(file)) => Ok(Upload { file, expected }),
-        _ => Err(writer.await.map_or_else(|_| gone(), |ended| ended.err().map_or_else(gone, Fault::from))),
-    }
+}
+
+fn broken(status: tonic::Status) -> Fault {
+    Fault::UploadBroken { code: status.code(), cause: status.message().to_owned() }
 }
 
 /// Which of some files are not here, and how much of each has arrived.
