@@ -337,7 +337,7 @@ mod tests {
                 min_chain_share: 0.5,
                 region_borders: RegionBorders::Ignore,
                 explicit_edges: vec![[0, 1], [5, 2]],
-                compounds: CompoundSpec { lists: vec![vec!["x".into()]], merge_angle_deg: Some(20.0), merge_below_size: None },
+                compounds: CompoundSpec { lists: vec![vec![5, -1]], merge_angle_deg: Some(20.0), merge_below_size: None },
             }),
             Change::Partition(PartitionSpec {
                 patches: Some(3),
