@@ -46,7 +46,7 @@ pub struct OptimizeSpec {
 
 impl Default for OptimizeSpec {
     fn default() -> Self {
-        OptimizeSpec { rounds: 5, min_kappa: 0.7 }
+        OptimizeSpec { rounds: 3, min_kappa: 0.77 }
     }
 }
 

@@ -23,7 +23,7 @@ const ONE_IN: usize = 50;
 const LEAST_FACES: usize = 100;
 const MOST_FACES: usize = 2000;
 /// Trials without success after which the rest, which are less bad, are left.
-const PATIENCE: u32 = 60;
+const PATIENCE: u32 = 40;
 /// Faces of the surroundings, at most: more come from vertices with very many edges.
 const MOST_AROUND: usize = 400;
 
@@ -157,13 +157,13 @@ fn best_trial<'a>(
     work: &Work<'_>,
 ) -> Result<Option<State<'a>>> {
     let enough = badness(&piece.state, target) * (1.0 - GAIN);
-    let mut trials = try_all(&piece.state, piece.face, target, work)?;
+    let mut trials = try_all(&piece.state, piece.face, target, &accept, work)?;
     trials.truncate(WIDTH);
     let mut found = trials.clone();
     if effort == Effort::Whole && trials.first().is_none_or(|best| best.0 > 0.0) {
         for (_, trial) in &trials {
             if let Some(worst) = worst_inside(trial, target) {
-                found.extend(try_all(trial, worst, target, work)?.into_iter().take(WIDTH));
+                found.extend(try_all(trial, worst, target, &accept, work)?.into_iter().take(WIDTH));
             }
         }
     }
@@ -177,8 +177,14 @@ fn best_trial<'a>(
     Ok(None)
 }
 
-/// One trial for each first step at a face, best first.
-fn try_all<'a>(start: &State<'a>, face: u32, target: f64, work: &Work<'_>) -> Result<Vec<Trial<'a>>> {
+/// One trial for each first step at a face, best first; up to the first that is acceptable and leaves nothing bad.
+fn try_all<'a>(
+    start: &State<'a>,
+    face: u32,
+    target: f64,
+    accept: impl Fn(&State<'a>) -> bool,
+    work: &Work<'_>,
+) -> Result<Vec<Trial<'a>>> {
     let mut trials: Vec<Trial<'a>> = Vec::new();
     for first in first_steps(start, face) {
         let mut trial = start.clone();
@@ -187,7 +193,11 @@ fn try_all<'a>(start: &State<'a>, face: u32, target: f64, work: &Work<'_>) -> Re
         if take(&mut trial, first) {
             flip_pass(&mut trial, FlipGoal::Shape, since, work)?;
             chase_trial(&mut trial, since, target, work)?;
-            trials.push((badness(&trial, target), trial));
+            let left = badness(&trial, target);
+            trials.push((left, trial));
+            if left == 0.0 && trials.last().is_some_and(|trial| accept(&trial.1)) {
+                break;
+            }
         }
     }
     trials.sort_by(|x, y| x.0.total_cmp(&y.0));
