@@ -28,7 +28,7 @@ const CURVE_SAG_AT_NEEDLES: f64 = 0.085;
 /// Kappa of faces to get rid of even where that moves a feature a little.
 const NEEDLE: f64 = 0.3;
 /// A vertex that moves by less than this, in local sizes, has come to rest.
-const REST: f64 = 0.005;
+const REST: f64 = 0.01;
 
 /// One change of the mesh, by its vertices.
 #[derive(Debug, Clone, Copy)]
