@@ -14,7 +14,7 @@ use crate::work::Work;
 /// Rings of faces around a face that a trial may change.
 const RINGS: u32 = 2;
 /// Trials that are followed by another first step.
-const WIDTH: usize = 4;
+const WIDTH: usize = 2;
 /// Least gain, of the badness a piece has.
 const GAIN: f64 = 0.02;
 /// Faces tried are one in so many, within two bounds: a mesh with more of them has another problem than this can solve, such as a size
