@@ -181,6 +181,7 @@ fn move_vertex(state: &mut State<'_>, v: u32, gain: f64, touched: &mut Vec<u32>)
             let foot = state.project_near(v, p);
             if let Some(k) = state.star_at(v, foot.position, normal)
                 && k > level
+                && !state.input.is_on_boundary(&foot)
                 && state.keeps_limit(v, foot.position, &mut sag)
             {
                 level = k;

@@ -259,7 +259,7 @@ impl<'a> State<'a> {
         let at = lerp(pa, pb, 0.5);
         let foot = self.middle_foot(h);
         let p = foot.position;
-        if distance(p, at) > 0.4 * distance(pa, pb) {
+        if distance(p, at) > 0.4 * distance(pa, pb) || (!self.mesh.is_on_curve(h) && self.input.is_on_boundary(&foot)) {
             return None;
         }
         for side in [Some(h), self.mesh.twin(h)].into_iter().flatten() {
