@@ -1643,7 +1643,7 @@ pub struct OptimizeSpec {
     /// Rounds of split, collapse, flip and smoothing. Default 5; 0 leaves the mesh as it was joined.
     #[prost(uint32, optional, tag = "1")]
     pub rounds: ::core::option::Option<u32>,
-    /// Triangles of lower kappa are chased one by one afterwards. Default 0.7.
+    /// Triangles of lower kappa are chased one by one afterwards. Default 0.77.
     #[prost(double, optional, tag = "2")]
     pub min_kappa: ::core::option::Option<f64>,
 }

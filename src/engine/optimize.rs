@@ -8,6 +8,8 @@ mod chase;
 pub(crate) mod input;
 mod interior;
 mod kernel;
+mod polish;
+mod reconnect;
 mod rescue;
 mod rounds;
 mod sag;
@@ -44,7 +46,7 @@ pub struct OptimizeSpec {
 
 impl Default for OptimizeSpec {
     fn default() -> Self {
-        OptimizeSpec { rounds: 5, min_kappa: 0.7 }
+        OptimizeSpec { rounds: 3, min_kappa: 0.77 }
     }
 }
 
@@ -92,7 +94,7 @@ pub enum Interiors {
 
 /// Optimises. Keeps topology, corners, and curves as curves; never flips a face against the input's normal; deterministic.
 ///
-/// Free vertices end on the input (a few may be lifted off it by up to 0.1 of the local size where two sheets would otherwise
+/// Free vertices end on the input, off its boundary (a few may be lifted off it by up to 0.1 of the local size where two sheets would otherwise
 /// cross). Curve vertices slide or go only where their curve moves by at most 0.04 of the local size, 0.085 where a needle vanishes;
 /// sharp turns fainter than that, off the boundary, do not count as corners; the boundary moves by at most 0.01 of it a step. Crests
 /// and tips of the input missed by more than 0.3 % of its diagonal (0.12 to 0.25 of the local size) get a vertex where one fits.
@@ -128,6 +130,7 @@ pub fn optimize_surface(
             chase::chase(&mut state, spec.min_kappa, work)?;
         }
         rescue::rescue(&mut state, spec.min_kappa, Effort::Whole, work)?;
+        polish::polish(&mut state, spec.min_kappa, work)?;
         crossing = Some(untangle::untangle(&mut state, work)? as u32);
     }
     let flat = state.mesh.faces_left().filter(|&f| state.kappa(f) < FLAT).count();

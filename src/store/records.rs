@@ -234,7 +234,7 @@ impl Writer {
 /// The database in a smaller file; `None` if that failed, on a full disk perhaps: it is as it was then, and opened anew by the first write.
 fn compacted(mut database: Database) -> Option<Database> {
     let done = catch_unwind(AssertUnwindSafe(move || database.compact().map(|_| database)));
-    done.ok().and_then(Result::ok)
+    done.ok()?.ok()
 }
 
 impl Records {
