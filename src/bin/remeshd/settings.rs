@@ -96,6 +96,21 @@ pub(crate) struct Settings {
     /// Calls that wait for their turn; more are refused
     #[arg(long, value_name = "N", default_value_t = 64)]
     pub(crate) max_queued: usize,
+    /// Calls of one client that compute or wait to; more are refused. A client is a name, or an address if callers have no names
+    #[arg(long, value_name = "N", default_value = "48")]
+    pub(crate) max_jobs_per_client: NonZeroUsize,
+    /// Sessions of one client
+    #[arg(long, value_name = "N", default_value = "256")]
+    pub(crate) max_sessions_per_client: NonZeroUsize,
+    /// Faces of the surfaces of all sessions together
+    #[arg(long, value_name = "N", default_value_t = 100_000_000)]
+    pub(crate) max_open_faces: u64,
+    /// Faces of the surfaces of the sessions of one client together
+    #[arg(long, value_name = "N", default_value_t = 100_000_000)]
+    pub(crate) max_open_faces_per_client: u64,
+    /// Connections open at a time; more are closed as they come
+    #[arg(long, value_name = "N", default_value = "1024")]
+    pub(crate) max_connections: NonZeroUsize,
     /// Streams of session events open at a time
     #[arg(long, value_name = "N", default_value_t = 1024)]
     pub(crate) max_watchers: usize,

@@ -51,7 +51,9 @@ impl Nearby {
 /// Repairs; returns the number of faces that still intersect others (the input may intersect itself).
 pub(super) fn untangle(state: &mut State<'_>, work: &Work<'_>) -> Result<usize> {
     for _ in 0..MOST_ROUNDS {
+        work.check()?;
         let nearby = Nearby::new(&state.mesh);
+        work.check()?;
         let faces = intersecting_faces(&state.mesh, &nearby, work)?;
         let found = faces.len();
         let mut changed = false;
