@@ -58,6 +58,8 @@ pub struct ServerConfig {
     pub max_connections: usize,
     /// How long a new connection may take to say its first word.
     pub first_word: Duration,
+    /// How long an upload may stand still.
+    pub upload_idle: Duration,
     /// Calls that wait for one of those places; more are refused.
     pub max_queued: usize,
     /// Streams of session events that may be open; more are refused.
@@ -89,6 +91,7 @@ impl Default for ServerConfig {
             max_open_faces_per_client: 100_000_000,
             max_connections: 1024,
             first_word: Duration::from_secs(10),
+            upload_idle: Duration::from_secs(60),
             max_watchers: 1024,
             grace: Duration::from_secs(10),
             sweep_interval: Duration::from_secs(30),

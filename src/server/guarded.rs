@@ -1,15 +1,29 @@
 //! Connections under limits: how many there are, and how long a new one may say nothing.
 
 use crate::state::Shared;
+use crate::status::Fault;
 use std::io;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll};
+use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{Instant, Sleep, sleep_until};
 use tokio_stream::{Stream, StreamExt};
 use tonic::transport::server::Connected;
+use tonic::{Code, Streaming};
+
+/// The next message of a client, if it comes in time: a stream that stands still holds memory and a place.
+///
+/// # Errors
+/// [`Fault::UploadBroken`]: nothing came for `idle`, or what the transport says.
+pub(crate) async fn next_message<M>(stream: &mut Streaming<M>, idle: Duration) -> Result<Option<M>, Fault> {
+    match tokio::time::timeout(idle, stream.message()).await {
+        Ok(next) => next.map_err(|status| Fault::UploadBroken { code: status.code(), cause: status.message().to_owned() }),
+        Err(_) => Err(Fault::UploadBroken { code: Code::DeadlineExceeded, cause: format!("nothing came for {} s", idle.as_secs_f64()) }),
+    }
+}
 
 /// What a client of HTTP/2 says first: 24 bytes and a frame of settings.
 const FIRST_WORDS: usize = 24 + 9;

@@ -4,7 +4,7 @@ use super::quality::measure;
 use super::remesh::{check_listed, remesh_all, remesh_listed};
 use crate::answers::open_edit;
 use crate::convert::from_proto;
-use crate::dispatch::{Call, Intent};
+use crate::dispatch::Call;
 use crate::operations::Operation;
 use crate::state::{Shared, Target, session_name};
 use crate::status::Fault;
