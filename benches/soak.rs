@@ -56,8 +56,18 @@ impl Daemon {
     fn start() -> Daemon {
         let cache = CACHE_MB.to_string();
         let mut command = Command::new(env!("CARGO_BIN_EXE_remeshd"));
-        let arguments =
-            ["--listen", "127.0.0.1:0", "--cache-mb", &cache, "--max-sessions", "48", "--max-uploads-mb", "64", "--max-jobs-per-client", "64"];
+        let arguments = [
+            "--listen",
+            "127.0.0.1:0",
+            "--cache-mb",
+            &cache,
+            "--max-sessions",
+            "48",
+            "--max-uploads-mb",
+            "64",
+            "--max-jobs-per-client",
+            "64",
+        ];
         let mut child = command.args(arguments).stderr(Stdio::piped()).spawn().expect("remeshd starts");
         let mut lines = BufReader::new(child.stderr.take().expect("piped")).lines();
         let address = lines.by_ref().find_map(|line| Some(line.ok()?.split_once("address=")?.1.split_whitespace().next()?.to_owned()));

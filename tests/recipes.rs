@@ -74,8 +74,10 @@ fn the_grpcurl_recipes_work_as_written() {
     let health = shell("05-health.sh", &[]);
     assert!(health.starts_with("liveness: SERVING\nreadiness: SERVING\n") && health.contains("remesh.v1.OperationService"), "{health}");
     let tried = ["01-one-call.sh", "02-session.sh", "03-operation.sh", "04-errors.sh", "05-health.sh", "common.sh"];
-    let mut there: Vec<String> =
-        std::fs::read_dir(recipes("grpcurl")).expect("folder").map(|e| e.expect("entry").file_name().to_string_lossy().into_owned()).collect();
+    let mut there: Vec<String> = std::fs::read_dir(recipes("grpcurl"))
+        .expect("folder")
+        .map(|e| e.expect("entry").file_name().to_string_lossy().into_owned())
+        .collect();
     there.sort();
     assert_eq!(there, tried, "every recipe is run here");
 }

@@ -3,6 +3,6 @@
 call RemeshService/RemeshMesh '{
   "sample": {"kind": "SAMPLE_KIND_ARTERY", "triangles": 4000},
   "size": {"triangles": 2000},
-  "output_format": "MESH_FORMAT_STL"
+  "output_format": "MESH_FORMAT_STL", "output_encoding": "MESH_ENCODING_BINARY"
 }' | field data | base64 -d > "${1:-/dev/null}"
 echo "remeshed"

@@ -104,7 +104,7 @@ impl Client {
             session: session.to_owned(),
             base_revision: base,
             change: Some(v1::Change { change: Some(change) }),
-            request_id: new_request_id()
+            request_id: new_request_id(),
         };
         Ok(send!(self.sessions.apply_change(request)).revision)
     }

@@ -114,7 +114,7 @@ impl Client {
             patch,
             spec: Some(edit.spec),
             update_mask,
-            request_id: new_request_id()
+            request_id: new_request_id(),
         };
         Ok(send!(self.charts.update_patch_chart(request)))
     }

@@ -26,8 +26,12 @@ impl Client {
     /// # Errors
     /// `PATCH_NOT_FOUND`; `PATCH_TOPOLOGY` with the places if the union would not be a patch; `STALE_REVISION`.
     pub async fn merge_patches(&self, session: &str, patches: &[u32], base: Option<u64>) -> Result<v1::MergePatchesResponse> {
-        let request =
-            v1::MergePatchesRequest { session: session.to_owned(), base_revision: base, patches: patches.to_vec(), request_id: new_request_id() };
+        let request = v1::MergePatchesRequest {
+            session: session.to_owned(),
+            base_revision: base,
+            patches: patches.to_vec(),
+            request_id: new_request_id(),
+        };
         Ok(send!(self.partitions.merge_patches(request)))
     }
 
@@ -40,7 +44,8 @@ impl Client {
         let bytes = pack_u32(faces);
         let data = if bytes.len() <= INLINE_BYTES { Data::Inline(bytes) } else { Data::Blob(self.upload(bytes, |_| {}).await?) };
         let faces = Some(v1::PackedArray { data: Some(data) });
-        let request = v1::ReassignFacesRequest { session: session.to_owned(), base_revision: base, faces, patch, request_id: new_request_id() };
+        let request =
+            v1::ReassignFacesRequest { session: session.to_owned(), base_revision: base, faces, patch, request_id: new_request_id() };
         Ok(send!(self.partitions.reassign_faces(request)))
     }
 

@@ -103,7 +103,7 @@ impl Client {
             base_revision: base,
             source: Some(source.into()),
             options: Some(options),
-            request_id: new_request_id()
+            request_id: new_request_id(),
         };
         Ok(send!(self.meshes.import_mesh(request)))
     }

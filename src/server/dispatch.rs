@@ -369,7 +369,8 @@ impl Call {
         work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<Chunks<M>> + Send + 'static,
     ) -> Result<Response<Watch<M>>, Status> {
         let result = self.work(intent, None, work).await;
-        self.finish(result.map(Watch::of_chunks))
+        let deadline = self.deadline;
+        self.finish(result.map(|chunks| Watch::of_chunks(chunks, deadline)))
     }
 
     /// Answers at once with a stream of progress that ends with the outcome of a computation on the pool.
@@ -471,7 +472,8 @@ impl Call {
     }
 }
 
-fn too_late() -> EngineError {
+/// The deadline of a call has passed.
+pub(crate) fn too_late() -> EngineError {
     EngineError::new(Reason::DeadlineExceeded, "the deadline passed before the work was done")
 }
 

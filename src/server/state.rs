@@ -66,7 +66,17 @@ impl Shared {
         let engine = Engine::new(config.engine.clone());
         let pool = Pool::new(config.max_running, config.max_running_short, config.max_queued);
         let uploads = UploadBudget::default();
-        Arc::new(Shared { config, engine, pool, uploads, metrics: Metrics::default(), clients: Clients::default(), gate: Gate::default(), watchers: Arc::default(), desks: Mutex::default() })
+        Arc::new(Shared {
+            config,
+            engine,
+            pool,
+            uploads,
+            metrics: Metrics::default(),
+            clients: Clients::default(),
+            gate: Gate::default(),
+            watchers: Arc::default(),
+            desks: Mutex::default(),
+        })
     }
 
     fn desks(&self) -> MutexGuard<'_, HashMap<String, Arc<Desk>>> {

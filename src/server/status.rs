@@ -147,7 +147,11 @@ fn parts_of(fault: &Fault) -> Parts {
         Fault::ClientLimit { limit, most } => Parts {
             metadata: vec![("limit".to_owned(), (*limit).to_owned()), ((*limit).to_owned(), most.to_string())],
             retry: true,
-            ..plain(Code::ResourceExhausted, "LIMIT_REACHED", format!("one client may have {most}, no more ({limit}); try again when less is on"))
+            ..plain(
+                Code::ResourceExhausted,
+                "LIMIT_REACHED",
+                format!("one client may have {most}, no more ({limit}); try again when less is on"),
+            )
         },
         Fault::OperationNotFound { number } => {
             let message = format!("the session has no operation {number}: it was never started, or ended long ago");

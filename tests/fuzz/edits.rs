@@ -38,24 +38,28 @@ fn cancelled(engine: &Engine, snapshot: &Snapshot, random: &mut Random) {
 }
 
 fn mesh(random: &mut Random) -> Change {
-    let kind = *random.pick(&[SampleKind::Tube, SampleKind::Pelvis, SampleKind::CadPart]);
-    let spec = SampleSpec { kind, triangles: 300 + random.below(500) as u64, genus: None, outlets: None, aspect_ratio: None };
+    let kind = *random.pick(&[SampleKind::Tube, SampleKind::Tube, SampleKind::CadPart]);
+    let spec = SampleSpec { kind, triangles: 80 + random.below(200) as u64, genus: None, outlets: None, aspect_ratio: None };
     Change::Mesh { source: MeshSource::Sample(spec), options: ImportOptions::default() }
 }
 
 fn change(random: &mut Random) -> Change {
     match random.below(9) {
         0 => mesh(random),
-        1 => Change::Features(FeatureSpec { feature_angle_deg: *random.pick(&[None, Some(20.0), Some(40.0), Some(60.0)]), ..FeatureSpec::default() }),
+        1 => Change::Features(FeatureSpec {
+            feature_angle_deg: *random.pick(&[None, Some(20.0), Some(40.0), Some(60.0)]),
+            ..FeatureSpec::default()
+        }),
         2 => {
-            let strategy = *random.pick(&[PartitionStrategy::Auto, PartitionStrategy::Multilevel, PartitionStrategy::Laplace, PartitionStrategy::Handles]);
+            use PartitionStrategy::{Auto, Handles, Laplace, Multilevel};
+            let strategy = *random.pick(&[Auto, Multilevel, Laplace, Handles]);
             Change::Partition(PartitionSpec { strategy, patches: random.one_in(2).then_some(4), ..PartitionSpec::default() })
         }
         3 => {
             let method = *random.pick(&[None, Some(ChartMethod::MeanValue), Some(ChartMethod::LeastSquaresConformal)]);
             Change::Chart(ChartSpec { method, ..ChartSpec::default() })
         }
-        4 | 5 => Change::Size(SizeSpec::TriangleCount { triangles: 100 + random.below(700) as u64 }),
+        4 | 5 => Change::Size(SizeSpec::TriangleCount { triangles: 60 + random.below(200) as u64 }),
         6 => Change::Mesher(*random.pick(&[
             Mesher::Frontal,
             Mesher::MeshAdapt,
@@ -102,7 +106,7 @@ fn edited_sessions_equal_fresh_ones() {
         let small = EngineConfig { cache_bytes: 1 << 20, ..EngineConfig::default() };
         let engine = Engine::new(if random.one_in(3) { small } else { EngineConfig::default() });
         let session = engine.create_session(None, SystemTime::now()).expect("session");
-        session.apply(None, &[mesh(&mut random), Change::Size(SizeSpec::TriangleCount { triangles: 300 })]).expect("inputs");
+        session.apply(None, &[mesh(&mut random), Change::Size(SizeSpec::TriangleCount { triangles: 120 })]).expect("inputs");
         for _ in 0..3 + random.below(8) {
             match random.below(10) {
                 0 => drop(session.edit(None, Edit::Undo, |_| Ok(()))),

@@ -3,8 +3,8 @@
 use crate::for_a_while;
 use crate::random::{Random, damaged};
 use remesh_engine::error::Reason;
-use remesh_engine::export::{Encoding, FaceData, Format, export_mesh};
-use remesh_engine::import::{ImportOptions, import_arrays, import_mesh};
+use remesh_engine::export::{Encoding, FaceData, export_mesh};
+use remesh_engine::import::{Format, ImportOptions, import_arrays, import_mesh};
 use remesh_engine::mesh::SurfaceMesh;
 use remesh_engine::sample::{self, SampleKind, SampleSpec};
 use remesh_engine::work::{CancelToken, Work};

@@ -28,16 +28,31 @@ impl Random {
     pub(crate) fn pick<'a, T>(&mut self, from: &'a [T]) -> &'a T {
         &from[self.below(from.len())]
     }
-
-    /// From 0 to 1.
-    pub(crate) fn share(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1u64 << 53) as f64
-    }
 }
 
 const WORDS: [&str; 22] = [
-    "nan", "-inf", "1e999", "-1", "0", "4294967296", "18446744073709551616", "1e-320", "facet", "v", "f 1 1 1", "element face 99999999",
-    "$Elements", "{}", "[", "\"", "999999999", "property list uchar int x", "-2147483649", "#", "\u{fffd}", "1 2",
+    "nan",
+    "-inf",
+    "1e999",
+    "-1",
+    "0",
+    "4294967296",
+    "18446744073709551616",
+    "1e-320",
+    "facet",
+    "v",
+    "f 1 1 1",
+    "element face 99999999",
+    "$Elements",
+    "{}",
+    "[",
+    "\"",
+    "999999999",
+    "property list uchar int x",
+    "-2147483649",
+    "#",
+    "\u{fffd}",
+    "1 2",
 ];
 
 /// One to eight random wounds.

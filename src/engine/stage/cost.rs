@@ -46,7 +46,11 @@ impl Sizes {
             (Stage::Import, _) => self.source,
             (_, Subject::Curve(_)) => 1.0,
             (Stage::Planar | Stage::Lift | Stage::Interior, Subject::Patch(p)) => {
-                if self.wanted > 0.0 && self.faces > 0.0 { self.wanted * patch(p) / self.faces } else { patch(p) }
+                if self.wanted > 0.0 && self.faces > 0.0 {
+                    self.wanted * patch(p) / self.faces
+                } else {
+                    patch(p)
+                }
             }
             (Stage::Assembly | Stage::Optimize | Stage::Quads | Stage::Quality, _) if self.wanted > 0.0 => self.wanted,
             (_, Subject::Patch(p)) => patch(p),

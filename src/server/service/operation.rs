@@ -47,9 +47,7 @@ fn find(shared: &Shared, call: &Call, name: &str) -> Result<(String, Arc<Operati
 
 fn carry_out(shared: &Shared, run: &Run<'_>, target: &Target, work: Work) -> EngineResult<Outcome> {
     match work {
-        Work::Remesh(v1::RemeshWork { patches }) if patches.is_empty() => {
-            remesh_all(shared, run, &target.snapshot).map(Outcome::Remesh)
-        }
+        Work::Remesh(v1::RemeshWork { patches }) if patches.is_empty() => remesh_all(shared, run, &target.snapshot).map(Outcome::Remesh),
         Work::Remesh(v1::RemeshWork { patches }) => remesh_listed(shared, run, &target.snapshot, &patches).map(Outcome::Remesh),
         Work::Quality(v1::QualityWork { scope }) => {
             let measured = measure(shared, run, target, scope)?;

@@ -133,7 +133,12 @@ fn step(target: &Target, base: Option<u64>, edit: Edit<'_>) -> EngineResult<(u64
     Ok((revision.0, undo as u32, redo as u32))
 }
 
-fn watch(shared: &Shared, request: &v1::WatchSessionRequest, caller: &Caller) -> Result<Watch<v1::WatchSessionResponse>, Fault> {
+fn watch(
+    shared: &Shared,
+    request: &v1::WatchSessionRequest,
+    caller: &Caller,
+    time_left: Option<Duration>,
+) -> Result<Watch<v1::WatchSessionResponse>, Fault> {
     use v1::watch_session_request::Start as Wanted;
     let (_, desk) = shared.session(&request.session, "session", caller)?;
     let start = match request.start {
@@ -143,7 +148,7 @@ fn watch(shared: &Shared, request: &v1::WatchSessionRequest, caller: &Caller) ->
     };
     let most = shared.config.max_watchers;
     let seat = Seat::take(&shared.watchers, most).ok_or(Fault::TooManyWatchers { most })?;
-    Ok(follow(desk.feed.clone(), start, request.without_stages, seat))
+    Ok(follow(desk.feed.clone(), start, request.without_stages, seat, time_left))
 }
 
 /// Whether a change names patches by number, which are looked up first.
@@ -247,7 +252,7 @@ impl SessionService for Sessions {
 
     async fn watch_session(&self, request: Request<v1::WatchSessionRequest>) -> Result<Response<Self::WatchSessionStream>, Status> {
         let call = Call::begin(&self.0, "WatchSession", &request)?;
-        let watched = watch(&self.0, &request.into_inner(), call.caller());
+        let watched = watch(&self.0, &request.into_inner(), call.caller(), call.time_left());
         call.finish(watched)
     }
 }
