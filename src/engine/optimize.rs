@@ -8,6 +8,8 @@ mod chase;
 pub(crate) mod input;
 mod interior;
 mod kernel;
+mod polish;
+mod reconnect;
 mod rescue;
 mod rounds;
 mod sag;
@@ -44,7 +46,7 @@ pub struct OptimizeSpec {
 
 impl Default for OptimizeSpec {
     fn default() -> Self {
-        OptimizeSpec { rounds: 5, min_kappa: 0.7 }
+        OptimizeSpec { rounds: 3, min_kappa: 0.77 }
     }
 }
 
@@ -130,6 +132,7 @@ pub fn optimize_surface(
             chase::chase(&mut state, spec.min_kappa, work)?;
         }
         rescue::rescue(&mut state, spec.min_kappa, Effort::Whole, work)?;
+        polish::polish(&mut state, spec.min_kappa, work)?;
         crossing = Some(untangle::untangle(&mut state, work)? as u32);
     }
     let flat = state.mesh.faces_left().filter(|&f| state.kappa(f) < FLAT).count();

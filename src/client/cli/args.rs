@@ -250,7 +250,7 @@ pub(crate) struct InputArgs {
     /// Rounds of optimisation across patch borders; 0 leaves the mesh as it was joined [default: 5]
     #[arg(long, value_name = "N")]
     pub(crate) rounds: Option<u32>,
-    /// Chase triangles of lower kappa one by one afterwards [default: 0.7]
+    /// Chase triangles of lower kappa one by one afterwards [default: 0.77]
     #[arg(long, value_name = "KAPPA", value_parser = not_negative, allow_negative_numbers = true)]
     pub(crate) min_kappa: Option<f64>,
     #[command(flatten)]

@@ -23,18 +23,18 @@ const ONE_IN: usize = 50;
 const LEAST_FACES: usize = 100;
 const MOST_FACES: usize = 2000;
 /// Trials without success after which the rest, which are less bad, are left.
-const PATIENCE: u32 = 60;
+const PATIENCE: u32 = 40;
 /// Faces of the surroundings, at most: more come from vertices with very many edges.
 const MOST_AROUND: usize = 400;
 
 /// The surroundings of a face as a mesh of its own.
-struct Piece<'a> {
-    state: State<'a>,
+pub(super) struct Piece<'a> {
+    pub(super) state: State<'a>,
     /// Vertices and faces of the whole mesh, increasing.
-    vertices: Vec<u32>,
+    pub(super) vertices: Vec<u32>,
     faces: Vec<u32>,
     /// The face, as one of the piece.
-    face: u32,
+    pub(super) face: u32,
 }
 
 /// How hard to try.
@@ -78,7 +78,7 @@ pub(super) fn rescue(state: &mut State<'_>, target: f64, effort: Effort, work: &
 
 impl<'a> Piece<'a> {
     /// `None` where the surroundings of a face are no manifold by themselves or too large.
-    fn around(state: &State<'a>, face: u32) -> Option<Piece<'a>> {
+    pub(super) fn around(state: &State<'a>, face: u32) -> Option<Piece<'a>> {
         let m = &state.mesh;
         let mut faces = vec![face];
         for _ in 0..RINGS {
@@ -123,7 +123,7 @@ impl<'a> Piece<'a> {
     }
 
     /// What the piece may run into.
-    fn place(&self, state: &State<'_>, nearby: &Nearby) -> Place {
+    pub(super) fn place(&self, state: &State<'_>, nearby: &Nearby) -> Place {
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for p in self.vertices.iter().map(|&v| state.mesh.at(v)) {
             for k in 0..3 {
@@ -135,7 +135,7 @@ impl<'a> Piece<'a> {
     }
 
     /// Whether more pairs of faces intersect after a trial than before.
-    fn adds_crossings(&self, state: &State<'_>, place: &Place, trial: &State<'_>) -> bool {
+    pub(super) fn adds_crossings(&self, state: &State<'_>, place: &Place, trial: &State<'_>) -> bool {
         let points = |of: &State<'_>| of.mesh.faces_left().map(|f| of.mesh.points(f)).collect::<Vec<Corners>>();
         place.crossings(&state.mesh, &self.faces, &points(trial)) > place.crossings(&state.mesh, &self.faces, &points(&self.state))
     }
@@ -158,13 +158,13 @@ fn best_trial<'a>(
     work: &Work<'_>,
 ) -> Result<Option<State<'a>>> {
     let enough = badness(&piece.state, target) * (1.0 - GAIN);
-    let mut trials = try_all(&piece.state, piece.face, target, work)?;
+    let mut trials = try_all(&piece.state, piece.face, target, &accept, work)?;
     trials.truncate(WIDTH);
     let mut found = trials.clone();
     if effort == Effort::Whole && trials.first().is_none_or(|best| best.0 > 0.0) {
         for (_, trial) in &trials {
             if let Some(worst) = worst_inside(trial, target) {
-                found.extend(try_all(trial, worst, target, work)?.into_iter().take(WIDTH));
+                found.extend(try_all(trial, worst, target, &accept, work)?.into_iter().take(WIDTH));
             }
         }
     }
@@ -178,8 +178,14 @@ fn best_trial<'a>(
     Ok(None)
 }
 
-/// One trial for each first step at a face, best first.
-fn try_all<'a>(start: &State<'a>, face: u32, target: f64, work: &Work<'_>) -> Result<Vec<Trial<'a>>> {
+/// One trial for each first step at a face, best first; up to the first that is acceptable and leaves nothing bad.
+fn try_all<'a>(
+    start: &State<'a>,
+    face: u32,
+    target: f64,
+    accept: impl Fn(&State<'a>) -> bool,
+    work: &Work<'_>,
+) -> Result<Vec<Trial<'a>>> {
     let mut trials: Vec<Trial<'a>> = Vec::new();
     for first in first_steps(start, face) {
         let mut trial = start.clone();
@@ -188,7 +194,11 @@ fn try_all<'a>(start: &State<'a>, face: u32, target: f64, work: &Work<'_>) -> Re
         if take(&mut trial, first) {
             flip_pass(&mut trial, FlipGoal::Shape, since, work)?;
             chase_trial(&mut trial, since, target, work)?;
-            trials.push((badness(&trial, target), trial));
+            let left = badness(&trial, target);
+            trials.push((left, trial));
+            if left == 0.0 && trials.last().is_some_and(|trial| accept(&trial.1)) {
+                break;
+            }
         }
     }
     trials.sort_by(|x, y| x.0.total_cmp(&y.0));
@@ -204,7 +214,7 @@ fn worst_inside(state: &State<'_>, target: f64) -> Option<u32> {
 }
 
 /// Flips, splits and collapses (both ways) of the edges of a face and of the faces beside it.
-fn first_steps(state: &State<'_>, face: u32) -> Vec<Operation> {
+pub(super) fn first_steps(state: &State<'_>, face: u32) -> Vec<Operation> {
     let m = &state.mesh;
     let own = [3 * face, 3 * face + 1, 3 * face + 2];
     let beside = own.iter().filter_map(|&h| m.twin(h)).flat_map(|t| [next(t), prev(t)]);
@@ -221,7 +231,7 @@ fn first_steps(state: &State<'_>, face: u32) -> Vec<Operation> {
 }
 
 /// Takes a step if it leaves a surface that does not fold.
-fn take(state: &mut State<'_>, step: Operation) -> bool {
+pub(super) fn take(state: &mut State<'_>, step: Operation) -> bool {
     match step {
         Operation::Flip(a, b) => state.mesh.find(a, b).is_some_and(|h| state.try_flip(h)),
         Operation::Split(a, b, _) => state.mesh.find(a, b).is_some_and(|h| state.try_split(h).is_some()),
@@ -237,7 +247,7 @@ fn take(state: &mut State<'_>, step: Operation) -> bool {
 }
 
 /// Does on the mesh what was done on a piece of it with these vertices.
-fn redo(state: &mut State<'_>, vertices: &[u32], log: Vec<Operation>) {
+pub(super) fn redo(state: &mut State<'_>, vertices: &[u32], log: Vec<Operation>) {
     let mut vertices = vertices.to_vec();
     for operation in log {
         match operation {

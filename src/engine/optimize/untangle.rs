@@ -3,11 +3,12 @@
 
 use super::input::Foot;
 use super::kernel::Kernel;
+use super::rounds::new_faces;
 use super::state::State;
 use crate::bvh::TriangleBvh;
 use crate::error::Result;
 use crate::quality::intersect::faces_intersect;
-use crate::vector::{Vec3, add_scaled, cross, kappa, unit};
+use crate::vector::{Vec3, add, add_scaled, cross, dot, kappa, sub, unit};
 use crate::work::Work;
 
 /// Rounds of search and repair.
@@ -48,42 +49,91 @@ impl Nearby {
     }
 }
 
-/// Repairs; returns the number of faces that still intersect others (the input may intersect itself).
+/// Repairs; returns the number of faces that still intersect others (the input may intersect itself). After the first round only what
+/// repairs have changed is looked at again.
 pub(super) fn untangle(state: &mut State<'_>, work: &Work<'_>) -> Result<usize> {
+    work.check()?;
+    let nearby = Nearby::new(&state.mesh);
+    work.check()?;
+    let mut faces = intersecting_faces(&state.mesh, &nearby, work)?;
     for _ in 0..MOST_ROUNDS {
-        work.check()?;
-        let nearby = Nearby::new(&state.mesh);
-        work.check()?;
-        let faces = intersecting_faces(&state.mesh, &nearby, work)?;
-        let found = faces.len();
+        let since = state.activity.begin();
         let mut changed = false;
-        for f in faces {
+        for &f in &faces {
             work.check()?;
             if state.mesh.is_face(f) {
                 changed |= repair(state, &nearby, f);
             }
         }
         if !changed {
-            return Ok(found);
+            break;
         }
+        faces.extend(new_faces(state, since));
+        faces.sort_unstable();
+        faces.dedup();
+        faces = still_intersecting(state, &nearby, &faces, work)?;
     }
-    Ok(intersecting_faces(&state.mesh, &Nearby::new(&state.mesh), work)?.len())
+    Ok(faces.len())
 }
 
 /// Faces that meet another face in more than what they share, sorted.
 fn intersecting_faces(mesh: &Kernel, nearby: &Nearby, work: &Work<'_>) -> Result<Vec<u32>> {
     let (mut found, mut visited) = (Vec::new(), 0u32);
+    let even: Vec<bool> = (0..mesh.vertex_slots()).map(|v| mesh.is_vertex(v) && is_graph(mesh, v)).collect();
     nearby.bvh.overlapping_pairs(|i, j| -> Result<()> {
         visited = visited.wrapping_add(1);
         if visited % 8192 == 0 {
             work.check()?;
         }
         let [f, g] = [nearby.faces[i as usize], nearby.faces[j as usize]];
-        if faces_intersect(&mesh.points(f), &mesh.points(g)) {
+        let beside = mesh.corners(f).into_iter().any(|v| even[v as usize] && mesh.corners(g).contains(&v));
+        if !beside && faces_intersect(&mesh.points(f), &mesh.points(g)) {
             found.extend([f, g]);
         }
         Ok(())
     })?;
+    found.sort_unstable();
+    found.dedup();
+    Ok(found)
+}
+
+/// Whether the faces around an inner vertex, seen along their common normal, lie side by side once around it: then none of them meets
+/// another one. With a margin for rounding.
+fn is_graph(mesh: &Kernel, v: u32) -> bool {
+    if mesh.is_boundary_vertex(v) {
+        return false;
+    }
+    let normal = unit(mesh.around(v).fold([0.0; 3], |sum, h| add(sum, mesh.area_vector(h / 3))));
+    let faces_up = |h: u32| {
+        let n = mesh.area_vector(h / 3);
+        let along = dot(n, normal);
+        along > 0.0 && along * along > 0.01 * dot(n, n)
+    };
+    if !mesh.around(v).all(faces_up) {
+        return false;
+    }
+    let axis = if normal[0].abs() < 0.6 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
+    let across = cross(normal, axis);
+    let centre = mesh.at(v);
+    let beyond = |v: u32| dot(sub(mesh.at(v), centre), across) >= 0.0;
+    // All turn the same way, so they go around once if they come to the far side once.
+    mesh.around(v).filter(|&h| !beyond(mesh.to(h)) && beyond(mesh.apex(h))).count() == 1
+}
+
+/// The same among these faces and what they meet, where all pairs that intersect have a face among them.
+fn still_intersecting(state: &State<'_>, nearby: &Nearby, faces: &[u32], work: &Work<'_>) -> Result<Vec<u32>> {
+    let mesh = &state.mesh;
+    let mut found = Vec::new();
+    for &f in faces.iter().filter(|f| mesh.is_face(**f)) {
+        work.check()?;
+        let points = mesh.points(f);
+        let meets = |g: &u32| *g != f && boxes_meet(&mesh.points(*g), &points) && faces_intersect(&mesh.points(*g), &points);
+        let before = found.len();
+        found.extend(Place::new(state, nearby, f).others.into_iter().filter(meets));
+        if found.len() > before {
+            found.push(f);
+        }
+    }
     found.sort_unstable();
     found.dedup();
     Ok(found)
