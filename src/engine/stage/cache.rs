@@ -263,6 +263,7 @@ impl State {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::stage::Stage;
     use crate::error::Reason;
     use crate::fingerprint::Feeder;
     use std::sync::atomic::{AtomicUsize, Ordering};
