@@ -22,7 +22,7 @@ const CACHE_MB: u64 = 256;
 /// and the allocator's holes may take beside the cache.
 const WORKING_SET_MB: u64 = 768;
 /// Codes that may be met: limits, work that was stopped on purpose, edits by others, sessions deleted by others, surfaces that refuse.
-const EXPECTED: [&str; 9] = [
+const EXPECTED: [&str; 11] = [
     "OK",
     "LIMIT_REACHED",
     "QUEUE_FULL",
@@ -32,6 +32,9 @@ const EXPECTED: [&str; 9] = [
     "SESSION_NOT_FOUND",
     "NOTHING_TO_STEP_TO",
     "PATCH_TOPOLOGY",
+    // Of a session whose size or mesh was undone.
+    "NO_MESH",
+    "BAD_PARAMETER size",
 ];
 
 /// SplitMix64.
@@ -114,7 +117,11 @@ fn note<T>(tally: &Shared, what: &'static str, result: Result<T, ClientError>) -
     *tally.operations.entry(what).or_default() += 1;
     let reason = match &result {
         Ok(_) => "OK".to_owned(),
-        Err(error) => error.reason().map_or_else(|| format!("{error}"), str::to_owned),
+        Err(error) => match (error.reason(), error.call().and_then(|call| call.metadata.get("field"))) {
+            (Some("BAD_PARAMETER"), Some(field)) => format!("BAD_PARAMETER {field}"),
+            (Some(reason), _) => reason.to_owned(),
+            (None, _) => error.to_string(),
+        },
     };
     if !EXPECTED.contains(&reason.as_str()) {
         tally.unexpected.push(format!("{what}: {reason}: {:?}", result.as_ref().err()));
@@ -190,7 +197,10 @@ async fn play(number: u64, address: String, common: String, stop: Arc<AtomicBool
                     paths: vec!["method".into()],
                 };
                 let begin = Instant::now();
-                if note(&tally, "re-pin", client.preview_chart(&name, 0, edit).await).is_some() {
+                let shown = note(&tally, "re-pin", client.preview_chart(&name, 0, edit).await);
+                // The first look at a surface partitions it, which is no re-pin.
+                let ran = |s: &v1::StageRecord| s.stage == "partition" && s.outcome() == v1::StageOutcome::Run;
+                if shown.is_some_and(|shown| !shown.chart.run.stages.iter().any(ran)) {
                     tally.lock().expect("no panic").repins.push(begin.elapsed().as_secs_f64() * 1e3);
                 }
             }
