@@ -133,6 +133,7 @@ async fn an_upload_that_stands_still_ends() {
     config.upload_idle = std::time::Duration::from_millis(200);
     let daemon = Daemon::start(config).await;
     let endless = tokio_stream::iter([chunk(1000)]).chain(tokio_stream::pending());
-    let upload = tokio::time::timeout(std::time::Duration::from_secs(20), daemon.meshes().upload_mesh(endless));
+    let mut client = daemon.meshes();
+    let upload = tokio::time::timeout(std::time::Duration::from_secs(20), client.upload_mesh(endless));
     assert_refused(upload.await.expect("it ends"), Code::DeadlineExceeded, "UPLOAD_BROKEN");
 }
