@@ -36,9 +36,12 @@ mod calls;
 mod charts;
 mod connection;
 mod credentials;
+mod editing;
 mod error;
 mod history;
+mod operations;
 mod patches;
+mod retry;
 mod transfer;
 
 #[cfg(feature = "cli")]
@@ -48,8 +51,10 @@ pub use arrays::{MeshColumns, MeshData, pack_f64, pack_u32};
 pub use charts::{ChartData, ChartEdit, ChartPreview, FaceDistortion};
 pub use connection::{Client, MAX_MESSAGE_BYTES, Transport};
 pub use credentials::{Bearer, Credentials};
+pub use editing::EditingSession;
 pub use error::{CallError, ClientError, FieldError, Place, PlaceElement, Result};
 pub use history::SessionEvents;
 pub use remesh_proto::v1;
+pub use retry::RetryPolicy;
 pub use tonic::transport::Channel;
 pub use transfer::{CHUNK_BYTES, Exported, Source};

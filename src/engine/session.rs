@@ -328,7 +328,12 @@ impl Session {
                     let kept = state.history.iter().find(|s| s.revision == *revision);
                     let oldest = state.history.front().map_or(0, |s| s.revision.0);
                     next = Snapshot::clone(kept.ok_or_else(|| {
-                        EngineError::bad_parameter("rollback", format!("revision {} is not kept; the oldest kept is {oldest}", revision.0))
+                        let message = if *revision > current.revision {
+                            format!("there is no revision {} yet; the session is at {}", revision.0, current.revision.0)
+                        } else {
+                            format!("revision {} is not kept; the oldest kept is {oldest}", revision.0)
+                        };
+                        EngineError::bad_parameter("rollback", message)
                     })?);
                 }
             }

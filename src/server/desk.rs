@@ -5,11 +5,14 @@ use crate::answers::Answers;
 use crate::caller::Caller;
 use crate::config::Clock;
 use crate::feed::Feed;
+use crate::jobs::Works;
+use crate::operations::Operations;
 use crate::state::Shared;
 use remesh_engine::error::Result;
 use remesh_engine::fingerprint::{Feeder, Fingerprint};
 use remesh_engine::session::{Change, Edit, Revision, Session, Snapshot};
 use remesh_proto::v1;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use v1::watch_session_response::Event;
 
@@ -23,6 +26,14 @@ pub(crate) struct Desk {
     pub(crate) display_name: String,
     /// Who made it; nobody else sees it.
     pub(crate) owner: Caller,
+    /// Whose limits it counts for.
+    pub(crate) client: Arc<str>,
+    /// Faces of the surface that was imported last.
+    pub(crate) faces: AtomicU64,
+    /// What computes for it.
+    pub(crate) works: Works,
+    /// Its long work.
+    pub(crate) operations: Operations,
     /// What happens to it.
     pub(crate) feed: Arc<Feed>,
     /// What was answered to edits of it.
@@ -33,12 +44,32 @@ pub(crate) struct Desk {
 
 impl Desk {
     /// For a new session.
-    pub(crate) fn new(display_name: String, owner: Caller, clock: Clock) -> Self {
-        Desk { display_name, owner, feed: Arc::new(Feed::new(clock)), answers: Answers::default(), meshes: Mutex::default() }
+    pub(crate) fn new(display_name: String, owner: Caller, client: Arc<str>, clock: Clock) -> Self {
+        Desk {
+            display_name,
+            owner,
+            client,
+            faces: AtomicU64::new(0),
+            works: Works::default(),
+            operations: Operations::default(),
+            feed: Arc::new(Feed::new(clock)),
+            answers: Answers::default(),
+            meshes: Mutex::default(),
+        }
+    }
+
+    /// Ends it: stops its work and tells those who watch.
+    pub(crate) fn close(&self, revision: u64, reason: v1::SessionEnd) {
+        let stopped = self.works.close();
+        if stopped > 0 {
+            tracing::info!(stopped, "work of a session that has ended is stopped");
+        }
+        self.feed.close(revision, reason);
     }
 
     /// Remembers the numbers of an imported mesh.
     pub(crate) fn note_mesh(&self, snapshot: &Snapshot, summary: v1::MeshSummary) {
+        self.faces.store(summary.faces, Ordering::Relaxed);
         let Some(key) = source_fingerprint(snapshot) else { return };
         let mut meshes = self.meshes.lock().unwrap_or_else(PoisonError::into_inner);
         meshes.retain(|(other, _)| *other != key);

@@ -5,15 +5,18 @@ use crate::config::ServerConfig;
 pub(crate) use crate::desk::Target;
 use crate::desk::{Desk, short_id};
 use crate::dispatch::Pool;
+use crate::jobs::Clients;
 use crate::metrics::Metrics;
 use crate::service::upload::UploadBudget;
+use crate::status::Fault;
 use remesh_engine::EngineError;
 use remesh_engine::engine::Engine;
 use remesh_engine::error::{Reason, Result};
 use remesh_engine::session::{Revision, Session};
+use remesh_engine::work::Gate;
 use remesh_proto::v1;
 use std::collections::{HashMap, HashSet};
-use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -30,6 +33,10 @@ pub(crate) struct Shared {
     pub(crate) uploads: UploadBudget,
     /// What has happened.
     pub(crate) metrics: Metrics,
+    /// Jobs of each client.
+    pub(crate) clients: Clients,
+    /// Where batch work lets interactive work pass.
+    pub(crate) gate: Gate,
     /// Readers of events.
     pub(crate) watchers: Arc<AtomicUsize>,
     desks: Mutex<HashMap<String, Arc<Desk>>>,
@@ -59,7 +66,17 @@ impl Shared {
         let engine = Engine::new(config.engine.clone());
         let pool = Pool::new(config.max_running, config.max_running_short, config.max_queued);
         let uploads = UploadBudget::default();
-        Arc::new(Shared { config, engine, pool, uploads, metrics: Metrics::default(), watchers: Arc::default(), desks: Mutex::default() })
+        Arc::new(Shared {
+            config,
+            engine,
+            pool,
+            uploads,
+            metrics: Metrics::default(),
+            clients: Clients::default(),
+            gate: Gate::default(),
+            watchers: Arc::default(),
+            desks: Mutex::default(),
+        })
     }
 
     fn desks(&self) -> MutexGuard<'_, HashMap<String, Arc<Desk>>> {
@@ -109,19 +126,54 @@ impl Shared {
     }
 
     /// Opens a session for a caller.
-    pub(crate) fn create_session(&self, ttl: Option<Duration>, display_name: String, caller: &Caller) -> Result<(Arc<Session>, Arc<Desk>)> {
+    ///
+    /// # Errors
+    /// [`Reason::LimitReached`] if it has as many as one client may have, or the daemon as many as it may.
+    pub(crate) fn create_session(
+        &self,
+        ttl: Option<Duration>,
+        display_name: String,
+        caller: &Caller,
+        client: &Arc<str>,
+    ) -> std::result::Result<(Arc<Session>, Arc<Desk>), Fault> {
+        let mut desks = self.desks();
+        let most = self.config.max_sessions_per_client;
+        if desks.values().filter(|desk| desk.client == *client).count() >= most {
+            return Err(Fault::ClientLimit { limit: "max_sessions_per_client", most: most as u64 });
+        }
         let session = self.engine.create_session(ttl, self.config.clock.now())?;
-        let desk = Arc::new(Desk::new(display_name, caller.clone(), self.config.clock.clone()));
-        self.desks().insert(session.id.clone(), desk.clone());
+        let desk = Arc::new(Desk::new(display_name, caller.clone(), client.clone(), self.config.clock.clone()));
+        desks.insert(session.id.clone(), desk.clone());
         tracing::info!(target: "audit", action = "create", session = short_id(&session), author = caller.name());
         Ok((session, desk))
+    }
+
+    /// Whether a session may get a surface of so many faces, beside those of all others and those of the same client.
+    pub(crate) fn check_faces(&self, of: &Arc<Desk>, faces: u64) -> Result<()> {
+        let desks = self.desks();
+        let others = || desks.values().filter(|desk| !Arc::ptr_eq(desk, of));
+        let sum = |own: bool| others().filter(|d| !own || d.client == of.client).map(|d| d.faces.load(Ordering::Relaxed)).sum::<u64>();
+        let limits = [
+            ("max_open_faces", self.config.max_open_faces, sum(false)),
+            ("max_open_faces_per_client", self.config.max_open_faces_per_client, sum(true)),
+        ];
+        match limits.into_iter().find(|(_, most, others)| others.saturating_add(faces) > *most) {
+            None => Ok(()),
+            Some((limit, most, others)) => {
+                let message = format!("open sessions have {others} faces, {faces} more would exceed the limit of {most}");
+                Err(EngineError::new(Reason::LimitReached, message)
+                    .with_hint("delete a session that is no longer needed")
+                    .with_metadata("limit", limit)
+                    .with_metadata("retry", "when sessions have ended"))
+            }
+        }
     }
 
     /// Closes a session and tells those who watch it.
     pub(crate) fn delete_session(&self, session: &Session, caller: &Caller) -> Result<()> {
         self.engine.delete_session(&session.id)?;
         if let Some(desk) = self.desks().remove(&session.id) {
-            desk.feed.close(session.revision().0, v1::SessionEnd::Deleted);
+            desk.close(session.revision().0, v1::SessionEnd::Deleted);
         }
         tracing::info!(target: "audit", action = "delete", session = short_id(session), author = caller.name());
         Ok(())
@@ -139,7 +191,7 @@ impl Shared {
                 let keep = open.contains(id);
                 if !keep {
                     tracing::info!(target: "audit", action = "expire", session = id.get(..8), author = "");
-                    desk.feed.close(0, v1::SessionEnd::Expired);
+                    desk.close(0, v1::SessionEnd::Expired);
                 }
                 keep
             });

@@ -65,14 +65,19 @@ fn bounded_ttl(shared: &Shared, ttl: prost_types::Duration) -> EngineResult<Dura
     Ok(ttl.min(shared.config.engine.max_ttl))
 }
 
-fn create(shared: &Shared, request: v1::CreateSessionRequest, caller: &Caller) -> EngineResult<v1::CreateSessionResponse> {
+fn create(
+    shared: &Shared,
+    request: v1::CreateSessionRequest,
+    caller: &Caller,
+    client: &Arc<str>,
+) -> Result<v1::CreateSessionResponse, Fault> {
     if request.display_name.chars().count() > MAX_DISPLAY_NAME {
-        return Err(EngineError::bad_parameter("display_name", format!("has more than {MAX_DISPLAY_NAME} characters")));
+        return Err(EngineError::bad_parameter("display_name", format!("has more than {MAX_DISPLAY_NAME} characters")).into());
     }
     let ttl = request.ttl.map(|ttl| bounded_ttl(shared, ttl)).transpose()?;
     // Expired sessions must not keep new ones out.
     shared.sweep();
-    let (session, desk) = shared.create_session(ttl, request.display_name, caller)?;
+    let (session, desk) = shared.create_session(ttl, request.display_name, caller, client)?;
     Ok(v1::CreateSessionResponse { session: Some(whole(&session, &desk)) })
 }
 
@@ -128,7 +133,12 @@ fn step(target: &Target, base: Option<u64>, edit: Edit<'_>) -> EngineResult<(u64
     Ok((revision.0, undo as u32, redo as u32))
 }
 
-fn watch(shared: &Shared, request: &v1::WatchSessionRequest, caller: &Caller) -> Result<Watch<v1::WatchSessionResponse>, Fault> {
+fn watch(
+    shared: &Shared,
+    request: &v1::WatchSessionRequest,
+    caller: &Caller,
+    time_left: Option<Duration>,
+) -> Result<Watch<v1::WatchSessionResponse>, Fault> {
     use v1::watch_session_request::Start as Wanted;
     let (_, desk) = shared.session(&request.session, "session", caller)?;
     let start = match request.start {
@@ -138,7 +148,7 @@ fn watch(shared: &Shared, request: &v1::WatchSessionRequest, caller: &Caller) ->
     };
     let most = shared.config.max_watchers;
     let seat = Seat::take(&shared.watchers, most).ok_or(Fault::TooManyWatchers { most })?;
-    Ok(follow(desk.feed.clone(), start, request.without_stages, seat))
+    Ok(follow(desk.feed.clone(), start, request.without_stages, seat, time_left))
 }
 
 /// Whether a change names patches by number, which are looked up first.
@@ -171,8 +181,8 @@ fn apply_patch_sizes(
 impl SessionService for Sessions {
     async fn create_session(&self, request: Request<v1::CreateSessionRequest>) -> Result<Response<v1::CreateSessionResponse>, Status> {
         let call = Call::begin(&self.0, "CreateSession", &request)?;
-        let created = create(&self.0, request.into_inner(), call.caller());
-        call.finish(created.map_err(Into::into))
+        let created = create(&self.0, request.into_inner(), call.caller(), call.client());
+        call.finish(created)
     }
 
     async fn get_session(&self, request: Request<v1::GetSessionRequest>) -> Result<Response<v1::GetSessionResponse>, Status> {
@@ -242,7 +252,7 @@ impl SessionService for Sessions {
 
     async fn watch_session(&self, request: Request<v1::WatchSessionRequest>) -> Result<Response<Self::WatchSessionStream>, Status> {
         let call = Call::begin(&self.0, "WatchSession", &request)?;
-        let watched = watch(&self.0, &request.into_inner(), call.caller());
+        let watched = watch(&self.0, &request.into_inner(), call.caller(), call.time_left());
         call.finish(watched)
     }
 }

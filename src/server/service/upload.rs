@@ -1,6 +1,7 @@
 //! Taking a file in chunks, within the limits at every chunk.
 
 use crate::config::CHUNK_BYTES;
+use crate::guarded::next_message;
 use crate::state::Shared;
 use crate::status::Fault;
 use remesh_engine::EngineError;
@@ -56,9 +57,7 @@ pub(crate) async fn receive(shared: &Shared, mut stream: Streaming<v1::UploadMes
     let mut announced = None;
     let mut first = true;
     loop {
-        let next = stream.message().await;
-        let next = next.map_err(|status| Fault::UploadBroken { code: status.code(), cause: status.message().to_owned() })?;
-        let Some(chunk) = next else { break };
+        let Some(chunk) = next_message(&mut stream, shared.config.upload_idle).await? else { break };
         if std::mem::take(&mut first) {
             announced = chunk.total_bytes;
             upload.expected_digest = chunk.expected_digest;
