@@ -11,6 +11,7 @@ use std::time::Instant;
 /// Squares along each side: two triangles each.
 const SIDE: usize = 866;
 const RUNS: usize = 5;
+const EDITS: u64 = 500;
 
 /// A wavy sheet as binary STL.
 fn sheet() -> Bytes {
@@ -109,8 +110,37 @@ async fn measure(settings: &[&str]) {
         bytes += piece.len();
     }
     tell("snapshot", bytes, begin, pid, before);
+    edits(&client).await;
     let _ = child.kill();
     let _ = child.wait();
+}
+
+/// Latency of small edits, one after the other and of several sessions at once.
+async fn edits(client: &Client) {
+    for sessions in [1, 8] {
+        let begin = Instant::now();
+        let tasks: Vec<_> = (0..sessions).map(|_| tokio::spawn(edit_one(client.clone()))).collect();
+        let mut times = Vec::new();
+        for task in tasks {
+            times.extend(task.await.expect("edits"));
+        }
+        let rate = times.len() as f64 / begin.elapsed().as_secs_f64();
+        times.sort_by(f64::total_cmp);
+        let (median, late) = (times[times.len() / 2], times[times.len() * 99 / 100]);
+        println!("{:<34} {rate:7.0} /s   median {median:.2} ms, 99 % {late:.2} ms", format!("edits of {sessions} sessions"));
+    }
+}
+
+async fn edit_one(client: Client) -> Vec<f64> {
+    let session = client.create_session("", None).await.expect("session").name;
+    let mut times = Vec::new();
+    for n in 1..=EDITS {
+        let size = v1::SizeSpec { size: Some(v1::size_spec::Size::Triangles(n)) };
+        let begin = Instant::now();
+        client.apply(&session, v1::change::Change::Size(size), None).await.expect("edit");
+        times.push(begin.elapsed().as_secs_f64() * 1e3);
+    }
+    times
 }
 
 #[tokio::main]
