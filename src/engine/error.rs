@@ -259,7 +259,10 @@ impl EngineError {
 
     /// Whether it ends the work as a whole rather than one way of doing it: cancelled, out of time or memory, or a bug.
     pub fn stops_work(&self) -> bool {
-        matches!(self.kind(), ErrorKind::Cancelled | ErrorKind::DeadlineExceeded | ErrorKind::Internal | ErrorKind::ResourceExhausted | ErrorKind::DataLoss)
+        matches!(
+            self.kind(),
+            ErrorKind::Cancelled | ErrorKind::DeadlineExceeded | ErrorKind::Internal | ErrorKind::ResourceExhausted | ErrorKind::DataLoss
+        )
     }
 
     /// Whether it says that one map of a patch cannot be computed while another may: a singular operator, a hole that cannot be filled.

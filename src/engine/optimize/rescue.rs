@@ -179,13 +179,7 @@ fn best_trial<'a>(
 }
 
 /// One trial for each first step at a face, best first; up to the first that is acceptable and leaves nothing bad.
-fn try_all<'a>(
-    start: &State<'a>,
-    face: u32,
-    target: f64,
-    accept: impl Fn(&State<'a>) -> bool,
-    work: &Work<'_>,
-) -> Result<Vec<Trial<'a>>> {
+fn try_all<'a>(start: &State<'a>, face: u32, target: f64, accept: impl Fn(&State<'a>) -> bool, work: &Work<'_>) -> Result<Vec<Trial<'a>>> {
     let mut trials: Vec<Trial<'a>> = Vec::new();
     for first in first_steps(start, face) {
         let mut trial = start.clone();

@@ -40,7 +40,8 @@ struct Records {
 }
 
 fn unreadable(what: impl Into<String>) -> EngineError {
-    EngineError::new(Reason::SessionUnreadable, what.into()).with_hint("the log of the daemon tells more; delete the session, or ask for help")
+    EngineError::new(Reason::SessionUnreadable, what.into())
+        .with_hint("the log of the daemon tells more; delete the session, or ask for help")
 }
 
 fn decoded<M: Message + Default>(bytes: Option<&[u8]>, what: &str) -> Result<M> {

@@ -67,7 +67,11 @@ impl Read for Pieces {
 }
 
 /// Makes a session of a file.
-pub(crate) async fn restore(call: Call, shared: &Arc<Shared>, stream: Streaming<v1::RestoreSessionRequest>) -> (Call, Result<(Arc<Session>, Arc<Desk>), Fault>) {
+pub(crate) async fn restore(
+    call: Call,
+    shared: &Arc<Shared>,
+    stream: Streaming<v1::RestoreSessionRequest>,
+) -> (Call, Result<(Arc<Session>, Arc<Desk>), Fault>) {
     let outcome = receive(shared, call.caller(), call.client(), stream).await;
     (call, outcome)
 }

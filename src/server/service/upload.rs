@@ -177,9 +177,9 @@ impl Staged {
 impl Uploads {
     /// With uploads that broke before the server was started.
     pub(crate) fn of(leftovers: Vec<Leftover>, now: SystemTime) -> Self {
-        let parked = leftovers.into_iter().filter_map(|left| {
-            Some(Parked { ticket: Ticket::of_label(&left.label)?, since: now, file: Broken::Left(left) })
-        });
+        let parked = leftovers
+            .into_iter()
+            .filter_map(|left| Some(Parked { ticket: Ticket::of_label(&left.label)?, since: now, file: Broken::Left(left) }));
         Uploads { held: Arc::default(), parked: Mutex::new(parked.collect()) }
     }
 
