@@ -10,3 +10,5 @@ mod full;
 mod kill;
 #[path = "durability/restart.rs"]
 mod restart;
+#[path = "durability/upload.rs"]
+mod upload;

@@ -56,6 +56,13 @@ pub(crate) enum Fault {
         /// And why.
         cause: String,
     },
+    /// An upload ended before all of it came; it may be gone on with.
+    UploadIncomplete {
+        /// Bytes that were announced.
+        announced: u64,
+        /// Bytes that came.
+        received: u64,
+    },
     /// An upload goes on where nothing ended.
     UploadOffset {
         /// Bytes that have arrived.
@@ -174,6 +181,10 @@ fn parts_of(fault: &Fault) -> Parts {
             ..plain(Code::Internal, "PANIC", format!("a bug stopped this call; the daemon's log tells more under {id}"))
         },
         Fault::UploadBroken { code, cause } => plain(*code, "UPLOAD_BROKEN", format!("the upload ended early: {cause}")),
+        Fault::UploadIncomplete { announced, received } => Parts {
+            metadata: vec![("field".to_owned(), "total_bytes".to_owned()), ("received_bytes".to_owned(), received.to_string())],
+            ..plain(Code::InvalidArgument, "BAD_PARAMETER", format!("total_bytes: {announced} bytes were announced, {received} came"))
+        },
         Fault::UploadOffset { received } => Parts {
             metadata: vec![("field".to_owned(), "offset".to_owned()), ("received_bytes".to_owned(), received.to_string())],
             ..plain(Code::InvalidArgument, "UPLOAD_OFFSET", format!("offset: {received} bytes of this file have arrived"))

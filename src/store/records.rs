@@ -1,7 +1,7 @@
 //! Records in an embedded database that one thread writes: batches that wait while the disk is busy go to it together.
 
 use crate::error::{Result, StoreError};
-use crate::folder::private_file;
+use crate::folder::{private_file, sync_folder};
 use crate::room::Room;
 use redb::backends::FileBackend;
 use redb::{Database, ReadableDatabase, ReadableTable, TableDefinition};
@@ -88,6 +88,19 @@ fn open(path: &Path) -> Result<Database> {
     // The database checks what it reads, but asserts some of it.
     let opened = opened.map_err(|_| StoreError::Corrupt { what: format!("{} cannot be opened", path.display()) })?;
     opened.map_err(|e| StoreError::database(path, e.into()))
+}
+
+/// Makes an empty database under another name first: a crash on the way leaves no half of one under its own.
+fn create(path: &Path) -> Result<()> {
+    let fresh = path.with_extension("new");
+    if let Err(error) = std::fs::remove_file(&fresh)
+        && error.kind() != std::io::ErrorKind::NotFound
+    {
+        return Err(StoreError::io("delete", &fresh, error));
+    }
+    drop(open(&fresh)?);
+    std::fs::rename(&fresh, path).map_err(|e| StoreError::io("name", path, e))?;
+    path.parent().map_or(Ok(()), sync_folder)
 }
 
 fn read_all(database: &Database) -> std::result::Result<Vec<(Vec<u8>, Vec<u8>)>, redb::Error> {
@@ -240,6 +253,9 @@ fn compacted(mut database: Database) -> Option<Database> {
 impl Records {
     /// Opens the file and reads all records.
     pub(crate) fn open(path: PathBuf, room: Arc<Room>) -> Result<(Records, Vec<(Vec<u8>, Vec<u8>)>)> {
+        if !path.exists() {
+            create(&path)?;
+        }
         let database = open(&path)?;
         let listed = catch_unwind(AssertUnwindSafe(|| read_all(&database)));
         let listed = listed.map_err(|_| StoreError::Corrupt { what: format!("{} cannot be read", path.display()) })?;

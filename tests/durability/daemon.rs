@@ -19,6 +19,13 @@ impl Daemon {
         Daemon::spawn(command)
     }
 
+    /// Starts it without a folder.
+    pub(crate) fn start_in_memory() -> Daemon {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_remeshd"));
+        command.args(["--listen", "127.0.0.1:0"]);
+        Daemon::spawn(command)
+    }
+
     /// The same, and no file of it may become larger than so many bytes.
     pub(crate) fn start_with_small_files(folder: &Path, bytes: u64) -> Daemon {
         let mut command = Command::new("sh");

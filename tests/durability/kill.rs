@@ -253,6 +253,21 @@ async fn nothing_that_was_acknowledged_is_lost() {
     assert!(edits > kills, "there was something to lose");
 }
 
+#[tokio::test]
+async fn a_daemon_that_is_killed_while_it_starts_can_be_started() {
+    for microseconds in (0..24).map(|n| n * 1000) {
+        let folder = tempfile::tempdir().expect("folder");
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_remeshd"));
+        command.args(["--listen", "127.0.0.1:0", "--log", "error", "--data-dir"]).arg(folder.path());
+        let mut child = command.spawn().expect("starts");
+        std::thread::sleep(Duration::from_micros(microseconds));
+        child.kill().expect("killed");
+        child.wait().expect("ended");
+        let daemon = Daemon::start(folder.path(), &[]);
+        daemon.connect().await.create_session("", None).await.expect("it works");
+    }
+}
+
 /// Waits for all.
 async fn futures_join(futures: impl Iterator<Item = impl Future<Output = ()>>) {
     let mut all: Vec<_> = futures.map(Box::pin).collect();

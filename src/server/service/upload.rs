@@ -352,7 +352,8 @@ pub(crate) async fn receive(shared: &Arc<Shared>, caller: &Caller, mut stream: S
         // The thread ended early, and says why.
         Ok(None) => Err(writer.await.map_or_else(|_| gone(), |ended| ended.err().map_or_else(gone, Fault::from))),
         Err(fault) => {
-            refused.store(!matches!(fault, Fault::UploadBroken { .. }), Ordering::Release);
+            let may_go_on = matches!(fault, Fault::UploadBroken { .. } | Fault::UploadIncomplete { .. });
+            refused.store(!may_go_on, Ordering::Release);
             drop(passing);
             Err(fault)
         }
@@ -383,9 +384,13 @@ impl Passing<'_> {
         if total == 0 {
             return Err(EngineError::bad_parameter("data", "the file is empty").into());
         }
-        if let Some(announced) = self.announced.filter(|&announced| announced != total) {
-            let message = format!("{announced} bytes were announced, {total} came");
-            return Err(EngineError::bad_parameter("total_bytes", message).into());
+        match self.announced {
+            Some(announced) if announced > total => return Err(Fault::UploadIncomplete { announced, received: total }),
+            Some(announced) if announced < total => {
+                let message = format!("{announced} bytes were announced, {total} came");
+                return Err(EngineError::bad_parameter("total_bytes", message).into());
+            }
+            _ => {}
         }
         let (reply, file) = oneshot::channel();
         match self.queue.send(Piece::End(reply)).await {
