@@ -145,7 +145,7 @@ fn one_patch(path: &str) -> Patch {
     let blob = Blob::new(std::fs::read(path).expect("the file is readable"));
     let cancel = CancelToken::new();
     let work = Work::silent(&cancel);
-    let mesh = import_mesh(&blob.bytes, &ImportOptions::default(), &work).expect("the file is a surface").mesh;
+    let mesh = import_mesh(&blob.bytes().expect("in memory"), &ImportOptions::default(), &work).expect("the file is a surface").mesh;
     let topology = Topology::build(&mesh.triangles, mesh.positions.len()).expect("the surface is manifold");
     let faces = mesh.triangles.len();
     let partition = Partition { face_patch: vec![0; faces], patches: vec![PatchSummary::default()], ..Partition::default() };

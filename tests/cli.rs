@@ -268,6 +268,13 @@ fn a_session_of_a_daemon_step_by_step() {
     has(&["set", session, "--triangles", "1500", "--feature-angle", "35"], "revision");
     has(&["set", session, "--max-patch-faces", "800", "--min-chain", "0"], "revision");
     has(&["session", "show", session], "feature_angle: 35.0");
+    has(&["session", "snapshot", session, "-o", "kept.session"], "kept.session");
+    let twin = at(&["session", "restore", "kept.session", "--name", "twin"]).ok().out;
+    has(&["session", "show", twin.trim()], "feature_angle: 35.0");
+    has(&["session", "list"], "twin");
+    has(&["session", "delete", twin.trim()], "deleted");
+    let no_session = at(&["session", "restore", "part.stl"]);
+    assert!(no_session.code == Some(1) && no_session.err.contains("no whole snapshot"), "{no_session:?}");
     assert_eq!(at(&["set", session]).code, Some(2), "nothing to set");
     has(&["partition", session], "strategy  multilevel: ");
     has(&["set", session, "--partition-strategy", "plane", "--plane", "0,0,0,-1,0,0", "--borders", "shortest"], "revision");

@@ -1656,7 +1656,7 @@ pub struct OptimizeSpec {
     /// Rounds of split, collapse, flip and smoothing. Default 5; 0 leaves the mesh as it was joined.
     #[prost(uint32, optional, tag = "1")]
     pub rounds: ::core::option::Option<u32>,
-    /// Triangles of lower kappa are chased one by one afterwards. Default 0.7.
+    /// Triangles of lower kappa are chased one by one afterwards. Default 0.77.
     #[prost(double, optional, tag = "2")]
     pub min_kappa: ::core::option::Option<f64>,
 }
@@ -3874,6 +3874,40 @@ pub struct RedoChangeResponse {
     #[prost(uint32, tag = "3")]
     pub redo_steps: u32,
 }
+/// Request of SnapshotSession.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct SnapshotSessionRequest {
+    /// Required. `sessions/{id}`.
+    #[prost(string, tag = "1")]
+    pub session: ::prost::alloc::string::String,
+}
+/// Response of SnapshotSession: the file in pieces.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct SnapshotSessionResponse {
+    /// The revision that is current in the file.
+    #[prost(uint64, tag = "1")]
+    pub revision: u64,
+    /// The next bytes of the file, at most 1 MiB.
+    #[prost(bytes = "bytes", tag = "2")]
+    pub data: ::prost::bytes::Bytes,
+}
+/// Request of RestoreSession: the file in pieces.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct RestoreSessionRequest {
+    /// The next bytes of the file, at most 1 MiB.
+    #[prost(bytes = "bytes", tag = "1")]
+    pub data: ::prost::bytes::Bytes,
+    /// In the first message, if wanted: another display name, at most 200 characters.
+    #[prost(string, tag = "2")]
+    pub display_name: ::prost::alloc::string::String,
+}
+/// Response of RestoreSession.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct RestoreSessionResponse {
+    /// The new session.
+    #[prost(message, optional, tag = "1")]
+    pub session: ::core::option::Option<Session>,
+}
 /// Generated client implementations.
 pub mod session_service_client {
     #![allow(
@@ -4195,6 +4229,60 @@ pub mod session_service_client {
                 .insert(GrpcMethod::new("remesh.v1.SessionService", "WatchSession"));
             self.inner.server_streaming(req, path, codec).await
         }
+        /// Writes a session to one file: its inputs at all kept revisions, what undo and redo lead to, and the uploaded files it rests on. No results:
+        /// they are computed again, bit for bit. The file has no name, owner or id of the session in it but the display name.
+        pub async fn snapshot_session(
+            &mut self,
+            request: impl tonic::IntoRequest<super::SnapshotSessionRequest>,
+        ) -> std::result::Result<
+            tonic::Response<tonic::codec::Streaming<super::SnapshotSessionResponse>>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.SessionService/SnapshotSession",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.SessionService", "SnapshotSession"));
+            self.inner.server_streaming(req, path, codec).await
+        }
+        /// Makes a new session of such a file, be it of this daemon or of another, with the revisions it had. The caller owns it. INVALID_ARGUMENT
+        /// with reason SNAPSHOT_INVALID for a file that is not whole or not as it was written; no session is made then.
+        pub async fn restore_session(
+            &mut self,
+            request: impl tonic::IntoStreamingRequest<
+                Message = super::RestoreSessionRequest,
+            >,
+        ) -> std::result::Result<
+            tonic::Response<super::RestoreSessionResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.SessionService/RestoreSession",
+            );
+            let mut req = request.into_streaming_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.SessionService", "RestoreSession"));
+            self.inner.client_streaming(req, path, codec).await
+        }
     }
 }
 /// Generated server implementations.
@@ -4290,6 +4378,30 @@ pub mod session_service_server {
             request: tonic::Request<super::WatchSessionRequest>,
         ) -> std::result::Result<
             tonic::Response<Self::WatchSessionStream>,
+            tonic::Status,
+        >;
+        /// Server streaming response type for the SnapshotSession method.
+        type SnapshotSessionStream: tonic::codegen::tokio_stream::Stream<
+                Item = std::result::Result<super::SnapshotSessionResponse, tonic::Status>,
+            >
+            + std::marker::Send
+            + 'static;
+        /// Writes a session to one file: its inputs at all kept revisions, what undo and redo lead to, and the uploaded files it rests on. No results:
+        /// they are computed again, bit for bit. The file has no name, owner or id of the session in it but the display name.
+        async fn snapshot_session(
+            &self,
+            request: tonic::Request<super::SnapshotSessionRequest>,
+        ) -> std::result::Result<
+            tonic::Response<Self::SnapshotSessionStream>,
+            tonic::Status,
+        >;
+        /// Makes a new session of such a file, be it of this daemon or of another, with the revisions it had. The caller owns it. INVALID_ARGUMENT
+        /// with reason SNAPSHOT_INVALID for a file that is not whole or not as it was written; no session is made then.
+        async fn restore_session(
+            &self,
+            request: tonic::Request<tonic::Streaming<super::RestoreSessionRequest>>,
+        ) -> std::result::Result<
+            tonic::Response<super::RestoreSessionResponse>,
             tonic::Status,
         >;
     }
@@ -4776,6 +4888,102 @@ pub mod session_service_server {
                     };
                     Box::pin(fut)
                 }
+                "/remesh.v1.SessionService/SnapshotSession" => {
+                    #[allow(non_camel_case_types)]
+                    struct SnapshotSessionSvc<T: SessionService>(pub Arc<T>);
+                    impl<
+                        T: SessionService,
+                    > tonic::server::ServerStreamingService<
+                        super::SnapshotSessionRequest,
+                    > for SnapshotSessionSvc<T> {
+                        type Response = super::SnapshotSessionResponse;
+                        type ResponseStream = T::SnapshotSessionStream;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::ResponseStream>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::SnapshotSessionRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as SessionService>::snapshot_session(&inner, request)
+                                    .await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = SnapshotSessionSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.server_streaming(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/remesh.v1.SessionService/RestoreSession" => {
+                    #[allow(non_camel_case_types)]
+                    struct RestoreSessionSvc<T: SessionService>(pub Arc<T>);
+                    impl<
+                        T: SessionService,
+                    > tonic::server::ClientStreamingService<super::RestoreSessionRequest>
+                    for RestoreSessionSvc<T> {
+                        type Response = super::RestoreSessionResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<
+                                tonic::Streaming<super::RestoreSessionRequest>,
+                            >,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as SessionService>::restore_session(&inner, request)
+                                    .await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = RestoreSessionSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.client_streaming(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
                 _ => {
                     Box::pin(async move {
                         let mut response = http::Response::new(
@@ -4816,6 +5024,30 @@ pub mod session_service_server {
         const NAME: &'static str = SERVICE_NAME;
     }
 }
+/// Request of FindMissingBlobs.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct FindMissingBlobsRequest {
+    /// BLAKE3 digests of whole files in hex, at most 1000.
+    #[prost(string, repeated, tag = "1")]
+    pub digests: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
+}
+/// A file that the daemon does not have.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct MissingBlob {
+    /// Its digest.
+    #[prost(string, tag = "1")]
+    pub digest: ::prost::alloc::string::String,
+    /// Bytes of it that arrived in an upload of the same caller that broke: the `offset` to go on at.
+    #[prost(uint64, tag = "2")]
+    pub received_bytes: u64,
+}
+/// Response of FindMissingBlobs.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct FindMissingBlobsResponse {
+    /// Those of the asked for that the daemon does not have, in that order. The others count as used now.
+    #[prost(message, repeated, tag = "1")]
+    pub missing: ::prost::alloc::vec::Vec<MissingBlob>,
+}
 /// Request of UploadMesh: one chunk.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct UploadMeshRequest {
@@ -4828,6 +5060,10 @@ pub struct UploadMeshRequest {
     /// In the first message, if known: BLAKE3 digest of the whole file in hex. INVALID_ARGUMENT if the bytes differ.
     #[prost(string, tag = "3")]
     pub expected_digest: ::prost::alloc::string::String,
+    /// In the first message: how much of the file has arrived before, as told by FindMissingBlobs. Needs `expected_digest`. INVALID_ARGUMENT with
+    /// reason UPLOAD_OFFSET and `received_bytes` in the metadata if something else has arrived.
+    #[prost(uint64, tag = "4")]
+    pub offset: u64,
 }
 /// Response of UploadMesh.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
@@ -5427,8 +5663,35 @@ pub mod mesh_service_client {
             self.inner = self.inner.max_encoding_message_size(limit);
             self
         }
+        /// Tells which of some files the daemon does not have, and how much of each has arrived: what it has need not be sent, and an upload that
+        /// broke goes on where it ended.
+        pub async fn find_missing_blobs(
+            &mut self,
+            request: impl tonic::IntoRequest<super::FindMissingBlobsRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::FindMissingBlobsResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.MeshService/FindMissingBlobs",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.MeshService", "FindMissingBlobs"));
+            self.inner.unary(req, path, codec).await
+        }
         /// Uploads a file in chunks and tells its name. Equal files have equal names. Blobs are dropped after some time without use.
-        /// RESOURCE_EXHAUSTED as soon as the file grows beyond the daemon's limit.
+        /// RESOURCE_EXHAUSTED as soon as the file grows beyond the daemon's limit. If `expected_digest` was told and the stream breaks, what arrived is
+        /// kept for the same caller for some time: see FindMissingBlobs and `offset`.
         pub async fn upload_mesh(
             &mut self,
             request: impl tonic::IntoStreamingRequest<Message = super::UploadMeshRequest>,
@@ -5569,8 +5832,18 @@ pub mod mesh_service_server {
     /// Generated trait containing gRPC methods that should be implemented for use with MeshServiceServer.
     #[async_trait]
     pub trait MeshService: std::marker::Send + std::marker::Sync + 'static {
+        /// Tells which of some files the daemon does not have, and how much of each has arrived: what it has need not be sent, and an upload that
+        /// broke goes on where it ended.
+        async fn find_missing_blobs(
+            &self,
+            request: tonic::Request<super::FindMissingBlobsRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::FindMissingBlobsResponse>,
+            tonic::Status,
+        >;
         /// Uploads a file in chunks and tells its name. Equal files have equal names. Blobs are dropped after some time without use.
-        /// RESOURCE_EXHAUSTED as soon as the file grows beyond the daemon's limit.
+        /// RESOURCE_EXHAUSTED as soon as the file grows beyond the daemon's limit. If `expected_digest` was told and the stream breaks, what arrived is
+        /// kept for the same caller for some time: see FindMissingBlobs and `offset`.
         async fn upload_mesh(
             &self,
             request: tonic::Request<tonic::Streaming<super::UploadMeshRequest>>,
@@ -5698,6 +5971,52 @@ pub mod mesh_service_server {
         }
         fn call(&mut self, req: http::Request<B>) -> Self::Future {
             match req.uri().path() {
+                "/remesh.v1.MeshService/FindMissingBlobs" => {
+                    #[allow(non_camel_case_types)]
+                    struct FindMissingBlobsSvc<T: MeshService>(pub Arc<T>);
+                    impl<
+                        T: MeshService,
+                    > tonic::server::UnaryService<super::FindMissingBlobsRequest>
+                    for FindMissingBlobsSvc<T> {
+                        type Response = super::FindMissingBlobsResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::FindMissingBlobsRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as MeshService>::find_missing_blobs(&inner, request)
+                                    .await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = FindMissingBlobsSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
                 "/remesh.v1.MeshService/UploadMesh" => {
                     #[allow(non_camel_case_types)]
                     struct UploadMeshSvc<T: MeshService>(pub Arc<T>);
@@ -9379,5 +9698,284 @@ pub mod partition_service_server {
     pub const SERVICE_NAME: &str = "remesh.v1.PartitionService";
     impl<T> tonic::server::NamedService for PartitionServiceServer<T> {
         const NAME: &'static str = SERVICE_NAME;
+    }
+}
+/// What belongs to a session and is no input.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct StoredSession {
+    /// What its creator called it.
+    #[prost(string, tag = "1")]
+    pub display_name: ::prost::alloc::string::String,
+    /// Whose it is; not set for nobody's. Not in snapshots.
+    #[prost(string, optional, tag = "2")]
+    pub owner: ::core::option::Option<::prost::alloc::string::String>,
+    /// When it was made.
+    #[prost(message, optional, tag = "3")]
+    pub create_time: ::core::option::Option<::prost_types::Timestamp>,
+    /// How long it lives without being used.
+    #[prost(message, optional, tag = "4")]
+    pub ttl: ::core::option::Option<::prost_types::Duration>,
+    /// When it was last used. Not in snapshots.
+    #[prost(message, optional, tag = "5")]
+    pub use_time: ::core::option::Option<::prost_types::Timestamp>,
+}
+/// Where a session is.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct StoredHead {
+    /// The current revision.
+    #[prost(uint64, tag = "1")]
+    pub revision: u64,
+    /// Revisions whose inputs undo leads to, the next one last.
+    #[prost(uint64, repeated, tag = "2")]
+    pub undo: ::prost::alloc::vec::Vec<u64>,
+    /// Revisions whose inputs redo leads to, the next one last.
+    #[prost(uint64, repeated, tag = "3")]
+    pub redo: ::prost::alloc::vec::Vec<u64>,
+}
+/// One revision.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct StoredRevision {
+    /// Its number.
+    #[prost(uint64, tag = "1")]
+    pub revision: u64,
+    /// Its parts by digest (16 bytes each), in the order in which they apply. Inputs without a part have their defaults.
+    #[prost(bytes = "bytes", repeated, tag = "2")]
+    pub parts: ::prost::alloc::vec::Vec<::prost::bytes::Bytes>,
+    /// What changed. Not in snapshots.
+    #[prost(string, repeated, tag = "3")]
+    pub changes: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
+    /// Who changed it; empty if the daemon knows no names. Not in snapshots.
+    #[prost(string, tag = "4")]
+    pub author: ::prost::alloc::string::String,
+    /// `request_id` of the request; empty if it had none. Not in snapshots.
+    #[prost(string, tag = "5")]
+    pub request_id: ::prost::alloc::string::String,
+    /// When. Not in snapshots.
+    #[prost(message, optional, tag = "6")]
+    pub time: ::core::option::Option<::prost_types::Timestamp>,
+}
+/// The answer to a request with a `request_id`.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct StoredAnswer {
+    /// Its `request_id`.
+    #[prost(string, tag = "1")]
+    pub request_id: ::prost::alloc::string::String,
+    /// BLAKE3 digest of the method and the request.
+    #[prost(bytes = "bytes", tag = "2")]
+    pub request_digest: ::prost::bytes::Bytes,
+    /// The answer, serialised.
+    #[prost(bytes = "bytes", tag = "3")]
+    pub answer: ::prost::bytes::Bytes,
+}
+/// The surface of a session and how it is read.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct StoredMesh {
+    /// How it is read.
+    #[prost(message, optional, tag = "4")]
+    pub options: ::core::option::Option<ImportOptions>,
+    /// Its numbers.
+    #[prost(message, optional, tag = "5")]
+    pub summary: ::core::option::Option<MeshSummary>,
+    /// Where it comes from.
+    #[prost(oneof = "stored_mesh::Source", tags = "1, 2, 3")]
+    pub source: ::core::option::Option<stored_mesh::Source>,
+}
+/// Nested message and enum types in `StoredMesh`.
+pub mod stored_mesh {
+    /// Where it comes from.
+    #[derive(Clone, PartialEq, ::prost::Oneof)]
+    pub enum Source {
+        /// Digest of a file.
+        #[prost(string, tag = "1")]
+        Blob(::prost::alloc::string::String),
+        /// Arrays, inline.
+        #[prost(message, tag = "2")]
+        Arrays(super::MeshArrays),
+        /// A generated surface.
+        #[prost(message, tag = "3")]
+        Sample(super::SampleSpec),
+    }
+}
+/// The chart spec of one patch.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct StoredPatchChart {
+    /// Identity of the patch, 16 bytes.
+    #[prost(bytes = "bytes", tag = "1")]
+    pub patch: ::prost::bytes::Bytes,
+    /// The spec.
+    #[prost(message, optional, tag = "2")]
+    pub spec: ::core::option::Option<ChartSpec>,
+}
+/// All chart specs of single patches.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct StoredPatchCharts {
+    /// By identity.
+    #[prost(message, repeated, tag = "1")]
+    pub charts: ::prost::alloc::vec::Vec<StoredPatchChart>,
+}
+/// A cut of a patch in two.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct StoredSplit {
+    /// Identity of the patch, 16 bytes.
+    #[prost(bytes = "bytes", tag = "1")]
+    pub patch: ::prost::bytes::Bytes,
+    /// The method, unless it is a plane.
+    #[prost(enumeration = "SplitMethod", tag = "2")]
+    pub method: i32,
+    /// The plane, if it is one.
+    #[prost(message, optional, tag = "3")]
+    pub plane: ::core::option::Option<CutPlane>,
+}
+/// Several patches made one.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct StoredMerge {
+    /// Identities of the patches, 16 bytes each.
+    #[prost(bytes = "bytes", repeated, tag = "1")]
+    pub patches: ::prost::alloc::vec::Vec<::prost::bytes::Bytes>,
+}
+/// Faces moved to another patch.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct StoredReassign {
+    /// The faces.
+    #[prost(uint32, repeated, tag = "1")]
+    pub faces: ::prost::alloc::vec::Vec<u32>,
+    /// Identities of the patches that they leave.
+    #[prost(bytes = "bytes", repeated, tag = "2")]
+    pub from: ::prost::alloc::vec::Vec<::prost::bytes::Bytes>,
+    /// Identity of the patch that gets them.
+    #[prost(bytes = "bytes", tag = "3")]
+    pub to: ::prost::bytes::Bytes,
+}
+/// An edit of patches.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct StoredPatchEdit {
+    /// What it does.
+    #[prost(oneof = "stored_patch_edit::Edit", tags = "1, 2, 3")]
+    pub edit: ::core::option::Option<stored_patch_edit::Edit>,
+}
+/// Nested message and enum types in `StoredPatchEdit`.
+pub mod stored_patch_edit {
+    /// What it does.
+    #[derive(Clone, PartialEq, ::prost::Oneof)]
+    pub enum Edit {
+        /// A cut.
+        #[prost(message, tag = "1")]
+        Split(super::StoredSplit),
+        /// A merge.
+        #[prost(message, tag = "2")]
+        Merge(super::StoredMerge),
+        /// A move of faces.
+        #[prost(message, tag = "3")]
+        Reassign(super::StoredReassign),
+    }
+}
+/// One part of the inputs, defaults filled in, arrays inline.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct StoredPart {
+    /// Which input it is.
+    #[prost(oneof = "stored_part::Part", tags = "1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11")]
+    pub part: ::core::option::Option<stored_part::Part>,
+}
+/// Nested message and enum types in `StoredPart`.
+pub mod stored_part {
+    /// Which input it is.
+    #[derive(Clone, PartialEq, ::prost::Oneof)]
+    pub enum Part {
+        /// The surface.
+        #[prost(message, tag = "1")]
+        Mesh(super::StoredMesh),
+        /// Features.
+        #[prost(message, tag = "2")]
+        Features(super::FeatureSpec),
+        /// Partition.
+        #[prost(message, tag = "3")]
+        Partition(super::PartitionSpec),
+        /// Charts of patches without a spec of their own.
+        #[prost(message, tag = "4")]
+        Charts(super::ChartSpec),
+        /// Charts of single patches.
+        #[prost(message, tag = "5")]
+        PatchCharts(super::StoredPatchCharts),
+        /// An edit of patches; there can be several of these parts.
+        #[prost(message, tag = "6")]
+        PatchEdit(super::StoredPatchEdit),
+        /// Sizes.
+        #[prost(message, tag = "7")]
+        Size(super::SizeSpec),
+        /// Locked boundary vertices.
+        #[prost(message, tag = "8")]
+        Lock(super::LockSpec),
+        /// The planar mesher, without its metric.
+        #[prost(message, tag = "9")]
+        Mesher(super::MesherSpec),
+        /// What the anisotropic mesher follows.
+        #[prost(message, tag = "10")]
+        Metric(super::MetricSpec),
+        /// Optimisation.
+        #[prost(message, tag = "11")]
+        Optimize(super::OptimizeSpec),
+    }
+}
+/// Begin of a file in a snapshot.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct SnapshotBlob {
+    /// Its digest.
+    #[prost(string, tag = "1")]
+    pub digest: ::prost::alloc::string::String,
+    /// Its size.
+    #[prost(uint64, tag = "2")]
+    pub bytes: u64,
+}
+/// Begin of a snapshot.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct SnapshotHeader {
+    /// Version of the format; 1.
+    #[prost(uint32, tag = "1")]
+    pub format: u32,
+    /// The session.
+    #[prost(message, optional, tag = "2")]
+    pub session: ::core::option::Option<StoredSession>,
+    /// Where it is.
+    #[prost(message, optional, tag = "3")]
+    pub head: ::core::option::Option<StoredHead>,
+}
+/// End of a snapshot.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct SnapshotEnd {
+    /// BLAKE3 digest (32 bytes) of all bytes of the file before the frame of this record.
+    #[prost(bytes = "bytes", tag = "1")]
+    pub digest: ::prost::bytes::Bytes,
+}
+/// A record of a snapshot. The file is `remesh-session\n`, then frames of four bytes length (little-endian) and a record. First comes the header;
+/// files before the parts that name them, parts before the revisions that list them; last the end.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct SnapshotRecord {
+    /// What it is.
+    #[prost(oneof = "snapshot_record::Record", tags = "1, 2, 3, 4, 5, 6")]
+    pub record: ::core::option::Option<snapshot_record::Record>,
+}
+/// Nested message and enum types in `SnapshotRecord`.
+pub mod snapshot_record {
+    /// What it is.
+    #[derive(Clone, PartialEq, Eq, Hash, ::prost::Oneof)]
+    pub enum Record {
+        /// The first record.
+        #[prost(message, tag = "1")]
+        Header(super::SnapshotHeader),
+        /// A file begins; its bytes follow.
+        #[prost(message, tag = "2")]
+        Blob(super::SnapshotBlob),
+        /// The next bytes of a file, at most 1 MiB.
+        #[prost(bytes, tag = "3")]
+        BlobData(::prost::bytes::Bytes),
+        /// A part: a StoredPart, serialised; revisions name it by the digest of these bytes.
+        #[prost(bytes, tag = "4")]
+        Part(::prost::bytes::Bytes),
+        /// A revision.
+        #[prost(message, tag = "5")]
+        Revision(super::StoredRevision),
+        /// The last record.
+        #[prost(message, tag = "6")]
+        End(super::SnapshotEnd),
     }
 }

@@ -42,7 +42,9 @@ mod history;
 mod operations;
 mod patches;
 mod retry;
+mod snapshot;
 mod transfer;
+mod upload;
 
 #[cfg(feature = "cli")]
 pub mod cli;
@@ -56,5 +58,7 @@ pub use error::{CallError, ClientError, FieldError, Place, PlaceElement, Result}
 pub use history::SessionEvents;
 pub use remesh_proto::v1;
 pub use retry::RetryPolicy;
+pub use snapshot::SnapshotStream;
 pub use tonic::transport::Channel;
-pub use transfer::{CHUNK_BYTES, Exported, Source};
+pub use transfer::{Exported, Source};
+pub use upload::CHUNK_BYTES;

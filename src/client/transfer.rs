@@ -1,4 +1,4 @@
-//! Files in and out of the daemon: chunked upload, import, chunked export.
+//! Surfaces into a session and files out of it: import, chunked export.
 
 use crate::connection::Client;
 use crate::error::{ClientError, Result};
@@ -7,9 +7,6 @@ use bytes::{Bytes, BytesMut};
 use remesh_proto::v1;
 use v1::export_mesh_response::Part;
 use v1::import_mesh_request::Source as WireSource;
-
-/// Bytes in one message of an upload.
-pub const CHUNK_BYTES: usize = 256 << 10;
 
 /// Where the surface of an import comes from.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,35 +47,7 @@ pub struct Exported {
     pub summary: v1::RunSummary,
 }
 
-/// The messages of an upload: a view of `data` in pieces, never a copy. An empty file is one empty message.
-fn chunks(data: Bytes, mut on_sent: impl FnMut(u64)) -> impl Iterator<Item = v1::UploadMeshRequest> {
-    let total = data.len();
-    let count = total.div_ceil(CHUNK_BYTES).max(1);
-    (0..count).map(move |index| {
-        let end = ((index + 1) * CHUNK_BYTES).min(total);
-        on_sent(end as u64);
-        v1::UploadMeshRequest {
-            data: data.slice(index * CHUNK_BYTES..end),
-            total_bytes: (index == 0).then_some(total as u64),
-            expected_digest: String::new(),
-        }
-    })
-}
-
 impl Client {
-    /// Uploads bytes (a mesh file or a packed array) and gives the name of the blob. `on_sent` learns how many bytes are on their way.
-    ///
-    /// # Errors
-    /// `LIMIT_REACHED` if the file is larger than the daemon allows.
-    pub async fn upload(&self, data: Bytes, on_sent: impl FnMut(u64) + Send + 'static) -> Result<String> {
-        let size = data.len() as u64;
-        let answer = self.meshes().upload_mesh(tokio_stream::iter(chunks(data, on_sent))).await?.into_inner();
-        if answer.bytes != size {
-            return Err(ClientError::protocol(format!("{size} bytes were uploaded, {} arrived", answer.bytes)));
-        }
-        Ok(answer.blob)
-    }
-
     /// Reads a surface into a session. A surface that cannot be remeshed is imported as well: see `diagnosis.remeshable`.
     ///
     /// # Errors
@@ -136,23 +105,5 @@ impl Client {
             faces: header.faces,
             summary: header.summary.unwrap_or_default(),
         })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn chunks_cover_the_data_in_order() {
-        for size in [0, 1, CHUNK_BYTES - 1, CHUNK_BYTES, CHUNK_BYTES + 1, 3 * CHUNK_BYTES] {
-            let data: Vec<u8> = (0..size).map(|i| (i % 251) as u8).collect();
-            let messages: Vec<_> = chunks(data.clone().into(), |_| {}).collect();
-            let joined: Vec<u8> = messages.iter().flat_map(|m| m.data.to_vec()).collect();
-            assert_eq!(joined, data);
-            assert_eq!(messages[0].total_bytes, Some(size as u64));
-            assert!(messages[1..].iter().all(|m| m.total_bytes.is_none() && !m.data.is_empty()));
-            assert!(messages.iter().all(|m| m.data.len() <= CHUNK_BYTES));
-        }
     }
 }

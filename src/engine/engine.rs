@@ -1,7 +1,7 @@
 //! What all sessions share: the stage cache, the blobs, the sessions themselves and their limits.
 
 use crate::error::{EngineError, Reason, Result};
-use crate::session::{Blob, Session};
+use crate::session::{Blob, Past, Session};
 use crate::stage::StageCache;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -55,6 +55,13 @@ pub struct Engine {
     blobs: Mutex<Vec<Arc<Blob>>>,
 }
 
+/// An unguessable name.
+fn random_id() -> Result<String> {
+    let mut random = [0u8; 16];
+    getrandom::fill(&mut random).map_err(|e| EngineError::invariant(format!("no randomness for a session id: {e}")))?;
+    Ok(random.iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
 fn guard<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
 }
@@ -71,18 +78,35 @@ impl Engine {
     /// # Errors
     /// [`Reason::LimitReached`] when too many are open; [`Reason::Invariant`] if the system gives no randomness.
     pub fn create_session(&self, ttl: Option<Duration>, now: SystemTime) -> Result<Arc<Session>> {
-        let mut random = [0u8; 16];
-        getrandom::fill(&mut random).map_err(|e| EngineError::invariant(format!("no randomness for a session id: {e}")))?;
-        let id: String = random.iter().map(|byte| format!("{byte:02x}")).collect();
+        let ttl = ttl.unwrap_or(self.config.default_ttl).min(self.config.max_ttl);
+        self.add_session(Session::new(random_id()?, ttl, now))
+    }
+
+    /// Opens a new session with the past of another.
+    ///
+    /// # Errors
+    /// Those of [`Engine::create_session`] and of [`Session::resume`].
+    pub fn restore_session(&self, ttl: Option<Duration>, now: SystemTime, past: Past) -> Result<Arc<Session>> {
+        let ttl = ttl.unwrap_or(self.config.default_ttl).min(self.config.max_ttl);
+        self.add_session(Session::resume(random_id()?, now, ttl, now, past)?)
+    }
+
+    fn add_session(&self, session: Session) -> Result<Arc<Session>> {
         let mut sessions = guard(&self.sessions);
         if sessions.len() >= self.config.max_sessions {
             let message = format!("{} sessions are open, which is the limit", sessions.len());
             return Err(EngineError::new(Reason::LimitReached, message).with_hint("delete a session or wait for one to expire"));
         }
-        let ttl = ttl.unwrap_or(self.config.default_ttl).min(self.config.max_ttl);
-        let session = Arc::new(Session::new(id.clone(), ttl, now));
-        sessions.insert(id, session.clone());
+        let session = Arc::new(session);
+        sessions.insert(session.id.clone(), session.clone());
         Ok(session)
+    }
+
+    /// Takes a session back that was open before the program started. There may then be more than the limit allows to be opened.
+    pub fn reopen_session(&self, session: Session) -> Arc<Session> {
+        let session = Arc::new(session);
+        guard(&self.sessions).insert(session.id.clone(), session.clone());
+        session
     }
 
     /// A session by id; marks it as used.
@@ -135,17 +159,26 @@ impl Engine {
             let message = format!("the file has {} bytes, the limit is {}", bytes.len(), self.config.max_blob_bytes);
             return Err(EngineError::new(Reason::LimitReached, message));
         }
-        let blob = Arc::new(Blob::new(bytes));
+        self.add_blob(Blob::new(bytes))
+    }
+
+    /// Keeps a file, wherever its contents are; the same file is kept once. Only what is in memory counts against the limit.
+    ///
+    /// # Errors
+    /// [`Reason::LimitReached`] if all files in use together are too large.
+    pub fn add_blob(&self, blob: Blob) -> Result<Arc<Blob>> {
+        let blob = Arc::new(blob);
         let mut blobs = guard(&self.blobs);
         if let Some(at) = blobs.iter().position(|b| b.digest == blob.digest) {
             let known = blobs.remove(at);
             blobs.push(known.clone());
             return Ok(known);
         }
-        let mut total: usize = blob.bytes.len() + blobs.iter().map(|b| b.bytes.len()).sum::<usize>();
+        let mut total: usize = blob.held_bytes() + blobs.iter().map(|b| b.held_bytes()).sum::<usize>();
         blobs.retain(|b| {
-            let drop_it = total > self.config.max_total_blob_bytes && Arc::strong_count(b) == 1;
-            total -= if drop_it { b.bytes.len() } else { 0 };
+            let held = b.held_bytes();
+            let drop_it = total > self.config.max_total_blob_bytes && held > 0 && Arc::strong_count(b) == 1;
+            total -= if drop_it { held } else { 0 };
             !drop_it
         });
         if total > self.config.max_total_blob_bytes {
@@ -156,10 +189,24 @@ impl Engine {
         Ok(blob)
     }
 
+    /// Lets go of files that no session and no call uses and of which `is_old` says so; gives their digests.
+    pub fn drop_unused_blobs(&self, is_old: impl Fn(&Blob) -> bool) -> Vec<String> {
+        let mut dropped = Vec::new();
+        guard(&self.blobs).retain(|blob| {
+            // Whoever finds the blob from now on does so under this lock.
+            let keep = Arc::strong_count(blob) > 1 || !is_old(blob);
+            if !keep {
+                dropped.push(blob.digest.clone());
+            }
+            keep
+        });
+        dropped
+    }
+
     /// How many uploaded files are kept, and their bytes.
     pub fn blob_usage(&self) -> (u64, u64) {
         let blobs = guard(&self.blobs);
-        (blobs.len() as u64, blobs.iter().map(|b| b.bytes.len() as u64).sum())
+        (blobs.len() as u64, blobs.iter().map(|b| b.len() as u64).sum())
     }
 
     /// An uploaded file by digest.

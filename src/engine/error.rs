@@ -26,6 +26,8 @@ pub enum ErrorKind {
     Unimplemented,
     /// A bug: an invariant of the engine did not hold.
     Internal,
+    /// What was kept is damaged or cannot be read.
+    DataLoss,
 }
 
 /// Machine-readable cause of an error; its [`Reason::code`] is stable across releases.
@@ -76,6 +78,14 @@ pub enum Reason {
     NothingToStepTo,
     /// A memory, size or count limit was reached.
     LimitReached,
+    /// There is no room to keep a change.
+    StoreFull,
+    /// A change could not be kept for another reason.
+    StoreFailed,
+    /// What is kept of a session cannot be read.
+    SessionUnreadable,
+    /// The file of a session is not whole, or not as it was written.
+    SnapshotInvalid,
     /// The caller cancelled the work.
     Cancelled,
     /// The deadline passed.
@@ -112,6 +122,10 @@ impl Reason {
             Reason::StaleRevision => "STALE_REVISION",
             Reason::NothingToStepTo => "NOTHING_TO_STEP_TO",
             Reason::LimitReached => "LIMIT_REACHED",
+            Reason::StoreFull => "STORE_FULL",
+            Reason::StoreFailed => "STORE_FAILED",
+            Reason::SessionUnreadable => "SESSION_UNREADABLE",
+            Reason::SnapshotInvalid => "SNAPSHOT_INVALID",
             Reason::Cancelled => "CANCELLED",
             Reason::DeadlineExceeded => "DEADLINE_EXCEEDED",
             Reason::NotBuilt => "NOT_BUILT",
@@ -127,7 +141,8 @@ impl Reason {
             | Reason::FormatUnsupported
             | Reason::NonFinite
             | Reason::IndexOutOfRange
-            | Reason::EmptyMesh => ErrorKind::InvalidArgument,
+            | Reason::EmptyMesh
+            | Reason::SnapshotInvalid => ErrorKind::InvalidArgument,
             Reason::NonManifoldEdge
             | Reason::NonManifoldVertex
             | Reason::NotOrientable
@@ -140,11 +155,12 @@ impl Reason {
             | Reason::NothingToStepTo => ErrorKind::FailedPrecondition,
             Reason::SessionNotFound | Reason::SessionExpired | Reason::BlobNotFound | Reason::PatchNotFound => ErrorKind::NotFound,
             Reason::StaleRevision => ErrorKind::Aborted,
-            Reason::LimitReached => ErrorKind::ResourceExhausted,
+            Reason::LimitReached | Reason::StoreFull => ErrorKind::ResourceExhausted,
+            Reason::SessionUnreadable => ErrorKind::DataLoss,
             Reason::Cancelled => ErrorKind::Cancelled,
             Reason::DeadlineExceeded => ErrorKind::DeadlineExceeded,
             Reason::NotBuilt => ErrorKind::Unimplemented,
-            Reason::Invariant => ErrorKind::Internal,
+            Reason::Invariant | Reason::StoreFailed => ErrorKind::Internal,
         }
     }
 }
@@ -243,7 +259,10 @@ impl EngineError {
 
     /// Whether it ends the work as a whole rather than one way of doing it: cancelled, out of time or memory, or a bug.
     pub fn stops_work(&self) -> bool {
-        matches!(self.kind(), ErrorKind::Cancelled | ErrorKind::DeadlineExceeded | ErrorKind::Internal | ErrorKind::ResourceExhausted)
+        matches!(
+            self.kind(),
+            ErrorKind::Cancelled | ErrorKind::DeadlineExceeded | ErrorKind::Internal | ErrorKind::ResourceExhausted | ErrorKind::DataLoss
+        )
     }
 
     /// Whether it says that one map of a patch cannot be computed while another may: a singular operator, a hole that cannot be filled.

@@ -1,9 +1,13 @@
 //! Sessions: the inputs of a remeshing job, their revisions and immutable snapshots. A session holds inputs only; all else is
 //! derived and can be dropped and recomputed bit for bit.
 
+mod blob;
 mod history;
+mod past;
 
-pub use history::{Edit, Steps};
+pub use blob::{Blob, ReadBlob};
+pub use history::{Edit, Pending, Steps};
+pub use past::Past;
 
 use crate::error::{EngineError, Reason, Result};
 use crate::features::FeatureSpec;
@@ -25,23 +29,6 @@ use std::time::{Duration, SystemTime};
 /// Number of a state of a session; 0 is the empty session, every change makes the next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
 pub struct Revision(pub u64);
-
-/// Bytes of an uploaded file, by digest.
-#[derive(Debug, PartialEq, Eq)]
-pub struct Blob {
-    /// The file.
-    pub bytes: Vec<u8>,
-    /// BLAKE3 digest of the file, lower-case hexadecimal.
-    pub digest: String,
-}
-
-impl Blob {
-    /// Takes a file and digests it.
-    pub fn new(bytes: Vec<u8>) -> Self {
-        let digest = blake3::hash(&bytes).to_hex().to_string();
-        Blob { bytes, digest }
-    }
-}
 
 /// Where the surface of a session comes from.
 #[derive(Debug, Clone)]
@@ -68,7 +55,7 @@ impl MeshSource {
     /// Bytes held by the source.
     pub fn bytes(&self) -> usize {
         match self {
-            MeshSource::File(blob) => blob.bytes.len(),
+            MeshSource::File(blob) => blob.len(),
             MeshSource::Arrays { mesh, .. } => mesh.bytes(),
             MeshSource::Sample(_) => std::mem::size_of::<SampleSpec>(),
         }
@@ -118,6 +105,7 @@ pub struct Snapshot {
 }
 
 impl Snapshot {
+    /// No surface, and defaults of all else.
     fn empty() -> Self {
         Snapshot {
             revision: Revision(0),
@@ -144,6 +132,37 @@ impl Snapshot {
         let mut next = self.clone();
         add_patch_edit(&mut next, edit)?;
         Ok(next)
+    }
+
+    /// Applies changes in order; `kept` gives the inputs of earlier revisions.
+    fn change(&mut self, changes: &[Change], kept: impl Fn(Revision) -> Result<Arc<Snapshot>>) -> Result<()> {
+        for change in changes {
+            match change {
+                Change::Mesh { source, options } => (self.source, self.import) = (Some(source.clone()), options.clone()),
+                Change::Features(spec) => self.features = spec.clone(),
+                Change::Partition(spec) => self.partition = spec.clone(),
+                Change::Chart(spec) => self.chart = session_wide(spec)?,
+                Change::PatchChart { patch, spec } => set_patch_chart(self, *patch, spec.as_ref())?,
+                Change::PatchEdit(edit) => add_patch_edit(self, edit.clone())?,
+                Change::ResetPatchEdits => self.patch_edits = Arc::default(),
+                Change::Size(spec) => {
+                    spec.validate()?;
+                    self.size = Some(spec.clone());
+                }
+                Change::Lock(spec) => self.lock = spec.clone(),
+                Change::Mesher(mesher) => {
+                    mesher.validate()?;
+                    self.mesher = *mesher;
+                }
+                Change::Anisotropic(spec) => {
+                    spec.validate()?;
+                    (self.mesher, self.metric) = (Mesher::Anisotropic, Arc::new(spec.clone()));
+                }
+                Change::Optimize(spec) => self.optimize = spec.clone(),
+                Change::Rollback(revision) => *self = Snapshot::clone(&*kept(*revision)?),
+            }
+        }
+        Ok(())
     }
 }
 
@@ -254,6 +273,8 @@ pub struct Session {
     pub id: String,
     /// When it was made.
     pub created: SystemTime,
+    /// Held while a revision is made; readers do not wait for it.
+    writer: Mutex<()>,
     state: Mutex<State>,
 }
 
@@ -267,7 +288,8 @@ impl Session {
     /// An empty session; lives for `ttl` after its last use.
     pub fn new(id: String, ttl: Duration, now: SystemTime) -> Self {
         let history = VecDeque::from([Arc::new(Snapshot::empty())]);
-        Session { id, created: now, state: Mutex::new(State { history, steps: history::Stacks::default(), ttl, last_used: now }) }
+        let state = State { history, steps: history::Stacks::default(), ttl, last_used: now };
+        Session { id, created: now, writer: Mutex::default(), state: Mutex::new(state) }
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {
@@ -296,48 +318,23 @@ impl Session {
     /// [`Reason::StaleRevision`] with the current revision as metadata; [`Reason::BadParameter`] for an unknown rollback revision or a
     /// chart specification that contradicts itself; [`Reason::LimitReached`] for more than [`MAX_PATCH_CHARTS`] or [`MAX_PATCH_EDITS`].
     pub fn apply(&self, base: Option<Revision>, changes: &[Change]) -> Result<Revision> {
-        self.edit(base, Edit::Changes(changes), |_| Ok(()))
+        self.edit(base, Edit::Changes(changes), |_| Ok(()), |_| ())
     }
 
     fn changed(state: &State, current: &Snapshot, changes: &[Change]) -> Result<Snapshot> {
         let mut next = Snapshot::clone(current);
-        for change in changes {
-            match change {
-                Change::Mesh { source, options } => (next.source, next.import) = (Some(source.clone()), options.clone()),
-                Change::Features(spec) => next.features = spec.clone(),
-                Change::Partition(spec) => next.partition = spec.clone(),
-                Change::Chart(spec) => next.chart = session_wide(spec)?,
-                Change::PatchChart { patch, spec } => set_patch_chart(&mut next, *patch, spec.as_ref())?,
-                Change::PatchEdit(edit) => add_patch_edit(&mut next, edit.clone())?,
-                Change::ResetPatchEdits => next.patch_edits = Arc::default(),
-                Change::Size(spec) => {
-                    spec.validate()?;
-                    next.size = Some(spec.clone());
-                }
-                Change::Lock(spec) => next.lock = spec.clone(),
-                Change::Mesher(mesher) => {
-                    mesher.validate()?;
-                    next.mesher = *mesher;
-                }
-                Change::Anisotropic(spec) => {
-                    spec.validate()?;
-                    (next.mesher, next.metric) = (Mesher::Anisotropic, Arc::new(spec.clone()));
-                }
-                Change::Optimize(spec) => next.optimize = spec.clone(),
-                Change::Rollback(revision) => {
-                    let kept = state.history.iter().find(|s| s.revision == *revision);
-                    let oldest = state.history.front().map_or(0, |s| s.revision.0);
-                    next = Snapshot::clone(kept.ok_or_else(|| {
-                        let message = if *revision > current.revision {
-                            format!("there is no revision {} yet; the session is at {}", revision.0, current.revision.0)
-                        } else {
-                            format!("revision {} is not kept; the oldest kept is {oldest}", revision.0)
-                        };
-                        EngineError::bad_parameter("rollback", message)
-                    })?);
-                }
-            }
-        }
+        let oldest = state.history.front().map_or(0, |s| s.revision.0);
+        next.change(changes, |revision| {
+            let kept = state.history.iter().find(|s| s.revision == revision);
+            kept.cloned().ok_or_else(|| {
+                let message = if revision > current.revision {
+                    format!("there is no revision {} yet; the session is at {}", revision.0, current.revision.0)
+                } else {
+                    format!("revision {} is not kept; the oldest kept is {oldest}", revision.0)
+                };
+                EngineError::bad_parameter("rollback", message)
+            })
+        })?;
         Ok(next)
     }
 

@@ -3,12 +3,13 @@
 use prost::Message;
 use remesh_engine::EngineError;
 use remesh_engine::error::Result;
+use remesh_proto::v1;
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::OwnedMutexGuard;
 
 /// Ids of requests that are remembered for a session.
-const KEPT_ANSWERS: usize = 256;
+pub(crate) const KEPT_ANSWERS: usize = 256;
 const MAX_ID_BYTES: usize = 64;
 
 /// An answer and the request it is to.
@@ -53,6 +54,13 @@ impl Open {
         &self.id
     }
 
+    /// The answer as it is kept on a disk, if it may be asked for again.
+    pub(crate) fn stored(&self, answer: &impl Message) -> Option<v1::StoredAnswer> {
+        let (_, request) = self.slot.as_ref()?;
+        let request_digest = request.as_bytes().to_vec().into();
+        Some(v1::StoredAnswer { request_id: self.id.clone(), request_digest, answer: answer.encode_to_vec().into() })
+    }
+
     /// Remembers the answer.
     pub(crate) fn keep<A: Message>(self, answer: A) -> A {
         if let Some((mut slot, request)) = self.slot {
@@ -63,6 +71,21 @@ impl Open {
 }
 
 impl Answers {
+    /// Answers of before the daemon was started, the oldest first.
+    pub(crate) fn of(stored: Vec<v1::StoredAnswer>) -> Self {
+        let answers = Answers::default();
+        for v1::StoredAnswer { request_id, request_digest, answer } in stored {
+            let Ok(digest) = <[u8; 32]>::try_from(request_digest.as_ref()) else { continue };
+            let kept = Kept { request: blake3::Hash::from_bytes(digest), answer: answer.into() };
+            let slot = answers.slot(&request_id);
+            // Nobody else has it yet.
+            if let Ok(mut slot) = slot.try_lock() {
+                *slot = Some(kept);
+            }
+        }
+        answers
+    }
+
     fn slot(&self, id: &str) -> Slot {
         let mut log = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(slot) = log.slots.get(id) {

@@ -12,6 +12,11 @@ impl Caller {
         Caller(Some(name.into()))
     }
 
+    /// The name, if there is one.
+    pub(crate) fn key(&self) -> Option<&str> {
+        self.0.as_deref()
+    }
+
     /// The name; empty if there is none.
     pub(crate) fn name(&self) -> &str {
         self.0.as_deref().unwrap_or_default()

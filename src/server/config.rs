@@ -2,6 +2,7 @@
 
 use crate::security::Security;
 use remesh_engine::engine::EngineConfig;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
@@ -31,6 +32,17 @@ impl std::fmt::Debug for Clock {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_tuple("Clock").field(&self.now()).finish()
     }
+}
+
+/// Where sessions are kept, and how much.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Keeping {
+    /// The folder; made if there is none. Only one server can have it.
+    pub folder: PathBuf,
+    /// Most bytes that it may take on the disk; `None` for what the disk has.
+    pub max_bytes: Option<u64>,
+    /// How long an uploaded file stays that nobody asks for and no session uses.
+    pub blob_grace: Duration,
 }
 
 /// Settings of a server.
@@ -74,6 +86,10 @@ pub struct ServerConfig {
     pub security: Security,
     /// How often the files of `security` are looked at.
     pub reload_interval: Duration,
+    /// Where sessions outlive the server; `None` keeps them in memory only.
+    pub keeping: Option<Keeping>,
+    /// How long an upload that broke may be gone on with.
+    pub upload_patience: Duration,
 }
 
 impl Default for ServerConfig {
@@ -98,6 +114,8 @@ impl Default for ServerConfig {
             clock: Clock::default(),
             security: Security::default(),
             reload_interval: Duration::from_secs(10),
+            keeping: None,
+            upload_patience: Duration::from_secs(3600),
         }
     }
 }

@@ -7,4 +7,5 @@ mod metric;
 pub(crate) mod patches;
 pub(crate) mod sizes;
 pub(crate) mod sources;
+pub(crate) mod stored;
 pub(crate) mod to_proto;

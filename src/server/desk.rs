@@ -1,19 +1,23 @@
 //! What the server keeps beside a session: its name for people, its owner, its events, the answers to its edits; and the way every edit
 //! takes.
 
-use crate::answers::Answers;
+use crate::answers::{Answers, Open};
 use crate::caller::Caller;
 use crate::config::Clock;
 use crate::feed::Feed;
 use crate::jobs::Works;
+use crate::keep::ledger::{Entry, Ledger};
 use crate::operations::Operations;
 use crate::state::Shared;
+use prost::Message;
+use remesh_engine::EngineError;
 use remesh_engine::error::Result;
 use remesh_engine::fingerprint::{Feeder, Fingerprint};
-use remesh_engine::session::{Change, Edit, Revision, Session, Snapshot};
+use remesh_engine::session::{Change, Edit, Pending, Revision, Session, Snapshot};
 use remesh_proto::v1;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::SystemTime;
 use v1::watch_session_response::Event;
 
 /// Imports whose numbers are remembered per session, for rollbacks.
@@ -40,11 +44,20 @@ pub(crate) struct Desk {
     pub(crate) answers: Answers,
     /// Numbers of imported meshes by what they were imported from; the latest last.
     meshes: Mutex<Vec<(Fingerprint, v1::MeshSummary)>>,
+    /// What is kept of it on the disk.
+    pub(crate) ledger: Mutex<Ledger>,
+    /// The last use that is noted on the disk.
+    pub(crate) noted_use: Mutex<Option<SystemTime>>,
 }
 
 impl Desk {
     /// For a new session.
     pub(crate) fn new(display_name: String, owner: Caller, client: Arc<str>, clock: Clock) -> Self {
+        Desk::kept(display_name, owner, client, clock, Answers::default(), Ledger::default())
+    }
+
+    /// For a session of before the server was started.
+    pub(crate) fn kept(display_name: String, owner: Caller, client: Arc<str>, clock: Clock, answers: Answers, ledger: Ledger) -> Self {
         Desk {
             display_name,
             owner,
@@ -53,8 +66,10 @@ impl Desk {
             works: Works::default(),
             operations: Operations::default(),
             feed: Arc::new(Feed::new(clock)),
-            answers: Answers::default(),
+            answers,
             meshes: Mutex::default(),
+            ledger: Mutex::new(ledger),
+            noted_use: Mutex::default(),
         }
     }
 
@@ -123,29 +138,68 @@ impl Target {
     }
 
     /// Changes the inputs of the session. See [`Target::edit`].
-    pub(crate) fn apply(&self, base: Option<Revision>, changes: &[Change]) -> Result<Revision> {
-        self.edit(base, Edit::Changes(changes))
+    pub(crate) fn apply<A: Message>(
+        &self,
+        base: Option<Revision>,
+        changes: &[Change],
+        open: Open,
+        answer: impl FnOnce(&Pending) -> A,
+    ) -> Result<A> {
+        self.edit(base, Edit::Changes(changes), open, answer)
     }
 
-    /// Makes a revision of the session: the one way of the server to do so. Tells those who watch and the audit log.
+    /// Makes a revision of the session and gives the answer to the request: the one way of the server to do so. With a data folder both are on
+    /// the disk before anybody sees them. Tells those who watch and the audit log. Blocks while the disk works.
     ///
     /// # Errors
-    /// Those of [`Session::edit`].
-    pub(crate) fn edit(&self, base: Option<Revision>, edit: Edit<'_>) -> Result<Revision> {
+    /// Those of [`Session::edit`]; `StoreFull` and `StoreFailed` if it cannot be kept. Then nothing has changed.
+    pub(crate) fn edit<A: Message>(
+        &self,
+        base: Option<Revision>,
+        edit: Edit<'_>,
+        open: Open,
+        answer: impl FnOnce(&Pending) -> A,
+    ) -> Result<A> {
         let names = edit.names();
-        self.session.edit(base, edit, |next| {
-            let revision = next.revision.0;
+        let mut answered = None;
+        let commit = |pending: &Pending| {
+            let answer = answer(pending);
             let (author, request_id) = (self.caller.name(), self.request_id.as_str());
-            tracing::info!(target: "audit", action = "edit", session = short_id(&self.session), revision, changes = names.join(","), author, request_id);
-            let made = v1::RevisionMade {
-                base_revision: revision.saturating_sub(1),
-                changes: names.iter().map(|&name| name.to_owned()).collect(),
-                request_id: request_id.to_owned(),
-                author: author.to_owned(),
-            };
-            self.desk.feed.push(revision, Event::RevisionMade(made));
-            self.shared.metrics.revision(&names);
+            let entry = Entry { changes: &names, author, request_id, answer: open.stored(&answer) };
+            let mut ledger = self.desk.ledger.lock().unwrap_or_else(PoisonError::into_inner);
+            ledger.record(&self.shared.keeper, &self.session.id, &self.desk, pending, entry)?;
+            answered = Some(answer);
             Ok(())
-        })
+        };
+        self.session.edit(base, edit, commit, |pending| self.tell(pending, &names))?;
+        let answer = answered.ok_or_else(|| EngineError::invariant("an edit without an answer"))?;
+        Ok(open.keep(answer))
+    }
+
+    /// The answer to a request that found nothing to change.
+    ///
+    /// # Errors
+    /// `StoreFull` and `StoreFailed` if the answer cannot be kept.
+    pub(crate) fn unchanged<A: Message>(&self, open: Open, answer: A) -> Result<A> {
+        if let Some(stored) = open.stored(&answer) {
+            let mut ledger = self.desk.ledger.lock().unwrap_or_else(PoisonError::into_inner);
+            ledger.record_answer(&self.shared.keeper, &self.session.id, self.revision(), &stored)?;
+        }
+        Ok(open.keep(answer))
+    }
+
+    /// Tells those who watch and the audit log of a revision.
+    fn tell(&self, pending: &Pending, names: &[&'static str]) {
+        let revision = pending.next.revision.0;
+        let (author, request_id) = (self.caller.name(), self.request_id.as_str());
+        tracing::info!(target: "audit", action = "edit", session = short_id(&self.session), revision, changes = names.join(","), author, request_id);
+        let made = v1::RevisionMade {
+            base_revision: revision.saturating_sub(1),
+            changes: names.iter().map(|&name| name.to_owned()).collect(),
+            request_id: request_id.to_owned(),
+            author: author.to_owned(),
+        };
+        self.desk.feed.push(revision, Event::RevisionMade(made));
+        self.shared.metrics.revision(names);
     }
 }

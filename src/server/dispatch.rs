@@ -352,6 +352,25 @@ impl Call {
         self.finish(result)
     }
 
+    /// Answers with the outcome of work that is short but may wait for the disk; without a data folder it waits for nothing.
+    pub(crate) async fn on_disk<T: Send + 'static, E: Into<Fault> + Send + 'static>(
+        self,
+        work: impl FnOnce(&Shared) -> Result<T, E> + Send + 'static,
+    ) -> Result<Response<T>, Status> {
+        if !self.shared.keeper.is_on() {
+            let result = work(&self.shared);
+            return self.finish(result.map_err(Into::into));
+        }
+        let (shared, span) = (self.shared.clone(), self.span.clone());
+        let done = tokio::task::spawn_blocking(move || span.in_scope(|| catch_unwind(AssertUnwindSafe(|| work(&shared))))).await;
+        let result = match done {
+            Ok(Ok(result)) => result.map_err(Into::into),
+            Ok(Err(panic)) => Err(panicked(panic.as_ref())),
+            Err(_) => Err(Fault::Draining),
+        };
+        self.finish(result)
+    }
+
     /// The outcome of a computation on the pool, for a call that goes on after it.
     pub(crate) async fn on_pool<T: Send + 'static>(
         self,
@@ -540,7 +559,7 @@ mod tests {
 
     #[tokio::test]
     async fn a_panic_fails_one_call_only() {
-        let shared = Shared::new(crate::config::ServerConfig::default());
+        let shared = Shared::new(crate::config::ServerConfig::default()).expect("no folder");
         let begin = || Call::begin(&shared, "Test", &Request::new(())).expect("begins");
         let status = begin().compute(Intent::Long, |_, _| -> EngineResult<()> { panic!("boom") }).await.expect_err("panicked");
         assert_eq!(status.code(), tonic::Code::Internal);
@@ -551,7 +570,7 @@ mod tests {
 
     #[tokio::test]
     async fn a_draining_server_refuses() {
-        let shared = Shared::new(crate::config::ServerConfig::default());
+        let shared = Shared::new(crate::config::ServerConfig::default()).expect("no folder");
         shared.pool.drain();
         let status = Call::begin(&shared, "Test", &Request::new(())).map(drop).expect_err("refused");
         assert_eq!(status.code(), tonic::Code::Unavailable);

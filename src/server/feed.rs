@@ -77,6 +77,11 @@ impl Feed {
         Feed { ring: Mutex::default(), last: watch::Sender::new(0), clock }
     }
 
+    /// The time.
+    pub(crate) fn now(&self) -> std::time::SystemTime {
+        self.clock.now()
+    }
+
     fn ring(&self) -> MutexGuard<'_, Ring> {
         self.ring.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -15,6 +15,7 @@ mod dispatch;
 mod feed;
 mod guarded;
 mod jobs;
+mod keep;
 mod metrics;
 mod operations;
 mod progress;
@@ -25,6 +26,7 @@ mod state;
 mod status;
 mod stream;
 
-pub use config::{Clock, ServerConfig};
+pub use config::{Clock, Keeping, ServerConfig};
+pub use remesh_store::StoreError;
 pub use security::{Security, SecurityFiles};
 pub use serve::{ServeError, in_process, serve, serve_with_metrics};

@@ -25,6 +25,7 @@ use remesh_proto::v1::partition_service_server::PartitionServiceServer;
 use remesh_proto::v1::quality_service_server::QualityServiceServer;
 use remesh_proto::v1::remesh_service_server::RemeshServiceServer;
 use remesh_proto::v1::session_service_server::SessionServiceServer;
+use remesh_store::StoreError;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll};
@@ -51,6 +52,9 @@ pub enum ServeError {
     /// The descriptors of the API could not be served.
     #[error("reflection is not possible: {0}")]
     Reflection(#[from] tonic_reflection::server::Error),
+    /// The data folder could not be opened.
+    #[error("the data folder cannot be opened: {0}")]
+    Store(#[from] StoreError),
 }
 
 /// Time that cancelled calls have to say so before their connections are cut.
@@ -70,7 +74,7 @@ const PIPE_BYTES: usize = 1 << 20;
 /// `config.grace` to end and are cancelled after it.
 ///
 /// # Errors
-/// [`ServeError`] if the transport fails.
+/// [`ServeError`] if the transport fails or the data folder cannot be opened.
 pub async fn serve(listener: TcpListener, config: ServerConfig, shutdown: impl Future<Output = ()>) -> Result<(), ServeError> {
     serve_with_metrics(listener, None, config, shutdown).await
 }
@@ -78,14 +82,14 @@ pub async fn serve(listener: TcpListener, config: ServerConfig, shutdown: impl F
 /// The same, and tells numbers for Prometheus, liveness and readiness over HTTP on a socket of its own, which asks for no token.
 ///
 /// # Errors
-/// [`ServeError`] if the transport fails.
+/// [`ServeError`] if the transport fails or the data folder cannot be opened.
 pub async fn serve_with_metrics(
     listener: TcpListener,
     metrics: Option<TcpListener>,
     config: ServerConfig,
     shutdown: impl Future<Output = ()>,
 ) -> Result<(), ServeError> {
-    let shared = Shared::new(config);
+    let shared = Shared::new(config)?;
     let metrics = metrics.map(|listener| tokio::spawn(serve_metrics(listener, shared.clone())));
     let security = shared.config.security.clone();
     let (health, routes) = routes(&shared).await?;
@@ -114,6 +118,7 @@ pub async fn serve_with_metrics(
         }
     };
     sweeper.abort();
+    shared.note_uses();
     metrics.iter().for_each(tokio::task::JoinHandle::abort);
     outcome
 }
@@ -141,9 +146,9 @@ async fn wind_down(
 /// dropped. Must be called inside a Tokio runtime.
 ///
 /// # Errors
-/// [`ServeError::Reflection`] (never seen).
+/// [`ServeError::Store`] if there is a data folder and it cannot be opened.
 pub async fn in_process(config: ServerConfig) -> Result<Channel, ServeError> {
-    let shared = Shared::new(config);
+    let shared = Shared::new(config)?;
     let (_health, routes) = routes(&shared).await?;
     let (connections, accepted) = mpsc::unbounded_channel::<std::io::Result<DuplexStream>>();
     tokio::spawn(async move {
@@ -194,7 +199,11 @@ async fn sweep(shared: Arc<Shared>) {
     let (mut sweeps, mut reloads) = (every(shared.config.sweep_interval), every(shared.config.reload_interval));
     loop {
         tokio::select! {
-            _ = sweeps.tick() => shared.sweep(),
+            _ = sweeps.tick() => {
+                let shared = shared.clone();
+                // The disk may be slow.
+                let _ = tokio::task::spawn_blocking(move || shared.sweep()).await;
+            }
             _ = reloads.tick() => shared.config.security.reload_if_changed(),
         }
     }

@@ -10,4 +10,5 @@ pub(crate) mod patch_edit;
 pub(crate) mod quality;
 pub(crate) mod remesh;
 pub(crate) mod session;
+pub(crate) mod transfer;
 pub(crate) mod upload;

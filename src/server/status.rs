@@ -1,7 +1,7 @@
 //! The one place that makes a `tonic::Status`: engine errors and faults of the service to canonical codes with typed details.
 
 use prost::Message;
-use remesh_engine::error::{Element, EngineError, ErrorKind, Location, Reason};
+use remesh_engine::error::{Element, EngineError, ErrorKind, Location};
 use remesh_proto::{ERROR_DOMAIN, GEOMETRY_LOCATIONS_TYPE_URL, v1};
 use std::collections::HashMap;
 use std::time::Duration;
@@ -55,6 +55,11 @@ pub(crate) enum Fault {
         code: Code,
         /// And why.
         cause: String,
+    },
+    /// An upload goes on where nothing ended.
+    UploadOffset {
+        /// Bytes that have arrived.
+        received: u64,
     },
     /// The file does not have the digest that the client expected.
     DigestMismatch {
@@ -137,7 +142,7 @@ fn parts_of(fault: &Fault) -> Parts {
             reason: error.reason().code(),
             message: error.to_string(),
             metadata: error.metadata().to_vec(),
-            retry: error.reason() == Reason::LimitReached && error.metadata().iter().any(|(key, _)| key == "retry"),
+            retry: error.kind() == ErrorKind::ResourceExhausted && error.metadata().iter().any(|(key, _)| key == "retry"),
         },
         Fault::QueueFull { queued } => Parts {
             metadata: vec![("queued".to_owned(), queued.to_string())],
@@ -169,6 +174,10 @@ fn parts_of(fault: &Fault) -> Parts {
             ..plain(Code::Internal, "PANIC", format!("a bug stopped this call; the daemon's log tells more under {id}"))
         },
         Fault::UploadBroken { code, cause } => plain(*code, "UPLOAD_BROKEN", format!("the upload ended early: {cause}")),
+        Fault::UploadOffset { received } => Parts {
+            metadata: vec![("field".to_owned(), "offset".to_owned()), ("received_bytes".to_owned(), received.to_string())],
+            ..plain(Code::InvalidArgument, "UPLOAD_OFFSET", format!("offset: {received} bytes of this file have arrived"))
+        },
         Fault::DigestMismatch { actual } => Parts {
             metadata: vec![("field".to_owned(), "expected_digest".to_owned()), ("actual".to_owned(), actual.clone())],
             ..plain(Code::InvalidArgument, "DIGEST_MISMATCH", format!("expected_digest: the file has the digest {actual}"))
@@ -187,6 +196,7 @@ fn code_of(kind: ErrorKind) -> Code {
         ErrorKind::DeadlineExceeded => Code::DeadlineExceeded,
         ErrorKind::Unimplemented => Code::Unimplemented,
         ErrorKind::Internal => Code::Internal,
+        ErrorKind::DataLoss => Code::DataLoss,
     }
 }
 
@@ -263,6 +273,7 @@ pub(crate) fn log_end(fault: Option<&Fault>, milliseconds: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use remesh_engine::error::Reason;
     use tonic_types::StatusExt;
 
     #[test]

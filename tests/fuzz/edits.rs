@@ -109,8 +109,8 @@ fn edited_sessions_equal_fresh_ones() {
         session.apply(None, &[mesh(&mut random), Change::Size(SizeSpec::TriangleCount { triangles: 120 })]).expect("inputs");
         for _ in 0..3 + random.below(8) {
             match random.below(10) {
-                0 => drop(session.edit(None, Edit::Undo, |_| Ok(()))),
-                1 => drop(session.edit(None, Edit::Redo, |_| Ok(()))),
+                0 => drop(session.edit(None, Edit::Undo, |_| Ok(()), |_| ())),
+                1 => drop(session.edit(None, Edit::Redo, |_| Ok(()), |_| ())),
                 2 => drop(session.apply(None, &[Change::Rollback(Revision(random.below(12) as u64))])),
                 3 | 4 => edit_patches(&engine, &session, &mut random),
                 5 => own_chart(&engine, &session, &mut random),

@@ -4,7 +4,7 @@ mod settings;
 
 use remesh_server::health::{self, Probed};
 use remesh_server::security::new_token;
-use remesh_server::{Security, SecurityFiles, ServerConfig, serve_with_metrics};
+use remesh_server::{Keeping, Security, SecurityFiles, ServerConfig, serve_with_metrics};
 use settings::{Loaded, LogFormat, Probe, Settings, Verb, Wrong};
 use std::io::{IsTerminal, Write};
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
@@ -40,6 +40,12 @@ fn config_of(settings: &Settings) -> ServerConfig {
     config.max_open_faces_per_client = settings.max_open_faces_per_client;
     config.max_connections = settings.max_connections.get();
     config.grace = Duration::from_secs(settings.grace_seconds);
+    config.upload_patience = Duration::from_secs(60 * settings.upload_grace_minutes);
+    config.keeping = settings.data_dir.as_ref().map(|folder| Keeping {
+        folder: folder.clone(),
+        max_bytes: settings.max_store_mb.map(|mb| megabytes(mb.get()) as u64),
+        blob_grace: config.upload_patience,
+    });
     config
 }
 

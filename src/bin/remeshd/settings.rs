@@ -123,6 +123,15 @@ pub(crate) struct Settings {
     /// Minutes a session lives without being used, if its creator does not say
     #[arg(long, value_name = "MINUTES", default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..=525_600))]
     pub(crate) session_ttl_minutes: u64,
+    /// Folder that keeps sessions and uploaded files over a restart; made if there is none, for its owner only [default: none, in memory]
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) data_dir: Option<PathBuf>,
+    /// Megabytes that the data folder may take [default: what the disk has]
+    #[arg(long, value_name = "MB", requires = "data_dir")]
+    pub(crate) max_store_mb: Option<NonZeroUsize>,
+    /// Minutes that an uploaded file stays in the data folder although no session uses it, and that a broken upload can be gone on with
+    #[arg(long, value_name = "MINUTES", default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..=525_600))]
+    pub(crate) upload_grace_minutes: u64,
     /// Seconds that running calls may go on after SIGTERM or SIGINT
     #[arg(long, value_name = "SECONDS", default_value_t = 10, value_parser = clap::value_parser!(u64).range(0..=3600))]
     pub(crate) grace_seconds: u64,

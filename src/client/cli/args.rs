@@ -411,6 +411,23 @@ pub(crate) enum SessionVerb {
     Show(SessionName),
     /// End a session
     Delete(SessionName),
+    /// Write a session to one file: its inputs at all revisions that can be reached, and the files they rest on
+    Snapshot {
+        #[command(flatten)]
+        session: SessionName,
+        /// File to write
+        #[arg(long, short, value_name = "OUT")]
+        output: PathBuf,
+    },
+    /// Make a new session of such a file, and print its name
+    Restore {
+        /// File of a snapshot
+        #[arg(value_name = "IN")]
+        input: PathBuf,
+        /// What to call it, for people [default: as in the file]
+        #[arg(long, default_value = "")]
+        name: String,
+    },
     /// Set how long a session lives unused
     SetTtl {
         #[command(flatten)]

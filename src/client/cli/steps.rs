@@ -36,6 +36,21 @@ pub(crate) async fn session(context: &Context, verb: &SessionVerb) -> Outcome<Re
             let text = format!("{} is deleted", name.session);
             Ok(Report { text, json: json!({ "name": name.session, "revision": revision }) })
         }
+        SessionVerb::Snapshot { session, output } => {
+            let target = Target::new(output, &[])?;
+            let mut stream = client.snapshot_session(&session.session).await?;
+            let mut file = Vec::new();
+            while let Some(piece) = stream.next().await? {
+                file.extend_from_slice(&piece);
+            }
+            target.write(&file)?;
+            let text = format!("{} is in {} ({} bytes)", session.session, output.display(), file.len());
+            Ok(Report { text, json: json!({ "name": session.session, "file": output, "bytes": file.len() }) })
+        }
+        SessionVerb::Restore { input, name } => {
+            let session = client.restore_session(files::read(input)?, name).await?;
+            Ok(Report { text: session.name.clone(), json: json::session(&session) })
+        }
         SessionVerb::SetTtl { session, ttl } => {
             let session = client.set_ttl(&session.session, *ttl).await?;
             let seconds = session.ttl.map_or(0, |ttl| ttl.seconds);

@@ -278,7 +278,7 @@ impl Measured<'_, '_> {
         let mut sag = self.state.sag_limit(v, normal);
         for share in [1.0, 0.5, 0.2] {
             let foot = self.state.project_near(v, add(p, scale(step, share)));
-            if self.state.star_at(v, foot.position, normal).is_none() {
+            if self.state.star_at(v, foot.position, normal).is_none() || self.state.input.is_on_boundary(&foot) {
                 continue;
             }
             let t = &self.tensors[v as usize];

@@ -174,9 +174,14 @@ fn move_vertex(state: &mut State<'_>, v: u32, gain: f64, touched: &mut Vec<u32>)
         for k in 0..8 {
             let (sin, cos) = (f64::from(k) * std::f64::consts::FRAC_PI_4).sin_cos();
             let p = add_scaled(add_scaled(at, u, step * cos), w, step * sin);
+            // Off the surface it is about as good as at its foot, which is dearer to find.
+            if state.star_at(v, p, normal).is_none_or(|k| k <= level) {
+                continue;
+            }
             let foot = state.project_near(v, p);
             if let Some(k) = state.star_at(v, foot.position, normal)
                 && k > level
+                && !state.input.is_on_boundary(&foot)
                 && state.keeps_limit(v, foot.position, &mut sag)
             {
                 level = k;

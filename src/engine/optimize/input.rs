@@ -178,6 +178,17 @@ impl<'a> Input<'a> {
         closed.then(|| self.on_face(self.mesh.positions[v as usize], first))
     }
 
+    /// Whether a foot lies on the boundary of the input. O(faces at a vertex) for feet on an edge, else O(1).
+    pub(crate) fn is_on_boundary(&self, foot: &Foot) -> bool {
+        let corners = self.mesh.triangles[foot.face as usize];
+        let mut touched = (0..3).filter(|&k| foot.barycentric[k] > 0.0).map(|k| corners[k]);
+        match (touched.next(), touched.next(), touched.next()) {
+            (Some(a), Some(b), None) => self.faces_of(a).iter().filter(|&&f| self.mesh.triangles[f as usize].contains(&b)).count() < 2,
+            (Some(a), None, None) => self.inner_vertex(a).is_none(),
+            _ => false,
+        }
+    }
+
     /// Position of a vertex.
     pub(crate) fn position(&self, v: u32) -> Vec3 {
         self.mesh.positions[v as usize]

@@ -151,6 +151,7 @@ fn settle(state: &mut State<'_>, v: u32, target: f64) -> bool {
         let foot = state.project_near(v, add_scaled(p, step, share));
         if let Some((after, then)) = star(state, v, foot.position, normal)
             && after < before - GAIN
+            && !state.input.is_on_boundary(&foot)
             && then >= least.min(target)
             && state.keeps_limit(v, foot.position, &mut sag)
         {

@@ -14,7 +14,7 @@ use crate::work::Work;
 /// Rings of faces around a face that a trial may change.
 const RINGS: u32 = 2;
 /// Trials that are followed by another first step.
-const WIDTH: usize = 4;
+const WIDTH: usize = 2;
 /// Least gain, of the badness a piece has.
 const GAIN: f64 = 0.02;
 /// Faces tried are one in so many, within two bounds: a mesh with more of them has another problem than this can solve, such as a size
@@ -179,13 +179,7 @@ fn best_trial<'a>(
 }
 
 /// One trial for each first step at a face, best first; up to the first that is acceptable and leaves nothing bad.
-fn try_all<'a>(
-    start: &State<'a>,
-    face: u32,
-    target: f64,
-    accept: impl Fn(&State<'a>) -> bool,
-    work: &Work<'_>,
-) -> Result<Vec<Trial<'a>>> {
+fn try_all<'a>(start: &State<'a>, face: u32, target: f64, accept: impl Fn(&State<'a>) -> bool, work: &Work<'_>) -> Result<Vec<Trial<'a>>> {
     let mut trials: Vec<Trial<'a>> = Vec::new();
     for first in first_steps(start, face) {
         let mut trial = start.clone();

@@ -192,6 +192,7 @@ fn smooth_vertex(state: &mut State<'_>, v: u32) -> f64 {
     for share in [1.0, 0.5, 0.2] {
         let foot = state.project_near(v, add(p, scale(step, share)));
         if let Some(least) = state.star_at(v, foot.position, normal)
+            && !state.input.is_on_boundary(&foot)
             && (least >= 0.4 || least >= state.star_kappa(v))
             && state.keeps_limit(v, foot.position, &mut sag)
         {

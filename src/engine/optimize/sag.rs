@@ -1,6 +1,6 @@
 //! How far edges and stars cut below or above the input.
 
-use super::input::{Foot, middle};
+use super::input::Foot;
 use super::state::{BENT, SAG, State};
 use crate::vector::{Vec3, dot, lerp};
 
@@ -37,7 +37,7 @@ impl State<'_> {
         })
     }
 
-    /// Largest distance from the input to the middles of the edges and faces around a vertex, were it at `p`.
+    /// Largest distance from the input to the middles of the edges around a vertex, were it at `p`.
     pub(super) fn star_sag(&self, v: u32, p: Vec3) -> f64 {
         self.largest_sag(v, p, f64::INFINITY, |_, foot| foot.distance_squared)
     }
@@ -48,17 +48,15 @@ impl State<'_> {
         let near = (SAG * self.size[v as usize]).powi(2);
         let mut largest = 0f64;
         for h in self.mesh.around(v) {
-            let (q, r) = (self.mesh.at(self.mesh.to(h)), self.mesh.at(self.mesh.apex(h)));
-            for x in [lerp(p, q, 0.5), middle([p, q, r])] {
-                let foot = self.input.walk(x, from);
-                let found = distance_squared(x, &foot);
-                if found > enough {
-                    return found.sqrt();
-                }
-                largest = largest.max(found);
-                // The next place is nearer to this one than to the vertex; but not from where a walk may have been caught.
-                from = if foot.distance_squared <= near { foot.face } else { self.foot[v as usize] };
+            let x = lerp(p, self.mesh.at(self.mesh.to(h)), 0.5);
+            let foot = self.input.walk(x, from);
+            let found = distance_squared(x, &foot);
+            if found > enough {
+                return found.sqrt();
             }
+            largest = largest.max(found);
+            // The next place is nearer to this one than to the vertex; but not from where a walk may have been caught.
+            from = if foot.distance_squared <= near { foot.face } else { self.foot[v as usize] };
         }
         largest.sqrt()
     }

@@ -28,7 +28,7 @@ const CURVE_SAG_AT_NEEDLES: f64 = 0.085;
 /// Kappa of faces to get rid of even where that moves a feature a little.
 const NEEDLE: f64 = 0.3;
 /// A vertex that moves by less than this, in local sizes, has come to rest.
-const REST: f64 = 0.005;
+const REST: f64 = 0.01;
 
 /// One change of the mesh, by its vertices.
 #[derive(Debug, Clone, Copy)]
@@ -259,7 +259,7 @@ impl<'a> State<'a> {
         let at = lerp(pa, pb, 0.5);
         let foot = self.middle_foot(h);
         let p = foot.position;
-        if distance(p, at) > 0.4 * distance(pa, pb) {
+        if distance(p, at) > 0.4 * distance(pa, pb) || (!self.mesh.is_on_curve(h) && self.input.is_on_boundary(&foot)) {
             return None;
         }
         for side in [Some(h), self.mesh.twin(h)].into_iter().flatten() {

@@ -10,29 +10,45 @@ use crate::work::Work;
 /// Trials cost time: they are made only if they could save more than this share of the patches.
 const LEAST_GAIN: f64 = 0.25;
 
-/// Partitions by `Multilevel`; where handles or long parts, rather than size, make the number of patches, also by the strategies that
+/// Partitions by `Multilevel`; where handles or long parts, rather than size, make the number of patches, by the strategies that
 /// serve those until none can have fewer patches, and takes the fewest, of equal numbers what is expected to need fewer charts. The
 /// reason names what was compared.
 ///
 /// # Errors
 /// Those of `Multilevel`; a trial that fails is named in the reason.
 pub(super) fn automatic(surface: &Surface<'_>, spec: &PartitionSpec, work: &Work<'_>) -> Result<Partition> {
-    let pieces = pieces(surface);
-    let first = multilevel(surface, spec, work)?;
+    let by_multilevel = |reason: &str, first| Ok(chosen(first, PartitionStrategy::Multilevel, reason.into()));
     if spec.patches.is_some() {
-        return Ok(chosen(first, PartitionStrategy::Multilevel, "the number of patches is given".into()));
+        return by_multilevel("the number of patches is given", multilevel(surface, spec, work)?);
     }
+    let pieces = pieces(surface);
     let handles: i64 = pieces.iter().map(|p| p.genus().max(0)).sum();
     let long = pieces.iter().filter(|p| is_long(p, spec)).count();
-    let (count, least) = (first.patches.len(), pieces.iter().map(|p| least_patches(p, spec)).sum::<usize>());
+    let least = pieces.iter().map(|p| least_patches(p, spec)).sum::<usize>();
     if handles == 0 && long == 0 {
-        let reason = "no piece of the surface between features has a handle or is long".into();
-        return Ok(chosen(first, PartitionStrategy::Multilevel, reason));
+        return by_multilevel("no piece of the surface between features has a handle or is long", multilevel(surface, spec, work)?);
     }
+    let what = match (handles, long) {
+        (0, 1) => "a long piece".to_owned(),
+        (0, n) => format!("{n} long pieces"),
+        (1, _) => "1 handle".to_owned(),
+        (n, _) => format!("{n} handles"),
+    };
+    // Along loops first, where they alone ask for more than a patch a piece: of equal numbers its patches need the fewest charts. No other
+    // trial is needed once none can have fewer patches.
+    let along_loops = (handles > 0 && least <= 2 * pieces.len()).then(|| handles::by_handles(surface, spec, work));
+    if let Some(Ok(trial)) = &along_loops
+        && trial.patches.len() <= least
+        && most_loops(trial) <= Limits::LOOPS
+    {
+        let reason = format!("the fewest patches for {what} (handles {least}, none can have fewer)");
+        return Ok(chosen(trial.clone(), PartitionStrategy::Handles, reason));
+    }
+    let first = multilevel(surface, spec, work)?;
+    let count = first.patches.len();
     let most_gain = |least: usize| (count.saturating_sub(least)) as f64 / count as f64;
     if most_gain(least) <= LEAST_GAIN {
-        let reason = format!("{count} patches, where none can do with fewer than {least} of the size allowed");
-        return Ok(chosen(first, PartitionStrategy::Multilevel, reason));
+        return by_multilevel(&format!("{count} patches, where none can do with fewer than {least} of the size allowed"), first);
     }
     let mut contest =
         Contest { surface, work, best: first, strategy: PartitionStrategy::Multilevel, told: vec![format!("multilevel {count}")] };
@@ -45,8 +61,8 @@ pub(super) fn automatic(surface: &Surface<'_>, spec: &PartitionSpec, work: &Work
         }
     }
     if handles > 0 {
-        // Along loops first: of equal numbers its patches need the fewest charts. No trial is needed once none can have fewer patches.
-        contest.enter(PartitionStrategy::Handles, "handles", handles::by_handles(surface, spec, work))?;
+        let along_loops = along_loops.unwrap_or_else(|| handles::by_handles(surface, spec, work));
+        contest.enter(PartitionStrategy::Handles, "handles", along_loops)?;
         if contest.best.patches.len() > least {
             let found = plane::find_plane(surface, work)?;
             let by_plane = PartitionStrategy::Plane { plane: Some(found.plane) };
@@ -60,14 +76,13 @@ pub(super) fn automatic(surface: &Surface<'_>, spec: &PartitionSpec, work: &Work
     if contest.best.patches.len() <= least {
         contest.told.push("none can have fewer".to_owned());
     }
-    let what = match (handles, long) {
-        (0, 1) => "a long piece".to_owned(),
-        (0, n) => format!("{n} long pieces"),
-        (1, _) => "1 handle".to_owned(),
-        (n, _) => format!("{n} handles"),
-    };
     let reason = format!("the fewest patches for {what} ({})", contest.told.join(", "));
     Ok(chosen(contest.best, contest.strategy, reason))
+}
+
+/// Loops of the patch that has most of them.
+fn most_loops(partition: &Partition) -> u32 {
+    partition.patches.iter().map(|s| s.loops).max().unwrap_or(0)
 }
 
 /// The best partition so far and what is told of all.
@@ -89,7 +104,7 @@ impl Contest<'_> {
                 return Ok(());
             }
         };
-        let loops = trial.patches.iter().map(|s| s.loops).max().unwrap_or(0);
+        let loops = most_loops(&trial);
         if loops > Limits::LOOPS {
             self.told.push(format!("{name} {}, but with up to {loops} loops", trial.patches.len()));
             return Ok(());

@@ -63,7 +63,7 @@ pub(super) fn import_source_step(context: &Context<'_>, source: &MeshSource, opt
     });
     context.note_sizes(|sizes| sizes.source = source.bytes() as f64);
     let imported = context.stage(key, Subject::Surface, |work| match source {
-        MeshSource::File(blob) => import_mesh(&blob.bytes, options, work),
+        MeshSource::File(blob) => import_mesh(&blob.bytes()?, options, work),
         MeshSource::Arrays { mesh, .. } => import_arrays(SurfaceMesh::clone(mesh), options, work),
         MeshSource::Sample(spec) => import_arrays(sample::generate(spec, work)?, options, work),
     })?;

@@ -57,13 +57,43 @@ pub struct Steps {
 }
 
 /// The states that undo and redo lead to, the next one last. Bounded by [`KEPT_REVISIONS`] each.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Clone)]
 pub(super) struct Stacks {
     undo: VecDeque<Arc<Snapshot>>,
     redo: Vec<Arc<Snapshot>>,
 }
 
+/// A revision that is about to be made.
+#[derive(Debug)]
+pub struct Pending {
+    /// Its inputs.
+    pub next: Arc<Snapshot>,
+    /// Oldest revision that a rollback can name once it is made.
+    pub oldest: Revision,
+    /// Revisions whose inputs undo will lead to, the next one last.
+    pub undo: Vec<Revision>,
+    /// Revisions whose inputs redo will lead to, the next one last.
+    pub redo: Vec<Revision>,
+}
+
+impl Pending {
+    /// How far undo and redo will reach.
+    pub fn steps(&self) -> Steps {
+        Steps { undo: self.undo.len(), redo: self.redo.len() }
+    }
+}
+
 impl Stacks {
+    /// Stacks with these states, the next one last.
+    pub(super) fn of(undo: Vec<Arc<Snapshot>>, redo: Vec<Arc<Snapshot>>) -> Self {
+        Stacks { undo: undo.into(), redo }
+    }
+
+    /// The states of both, the next one last.
+    pub(super) fn states(&self) -> (Vec<Arc<Snapshot>>, Vec<Arc<Snapshot>>) {
+        (self.undo.iter().cloned().collect(), self.redo.clone())
+    }
+
     /// All states, in no particular order.
     pub(super) fn all(&self) -> impl Iterator<Item = &Arc<Snapshot>> {
         self.undo.iter().chain(&self.redo)
@@ -104,14 +134,36 @@ impl Stacks {
 }
 
 impl Session {
-    /// Makes a revision. With `base`, only if that is still the current one. `commit` sees the new inputs last, inside the lock of the
-    /// session (so in the order of revisions); if it fails nothing has changed.
+    /// Makes a revision. With `base`, only if that is still the current one. `commit` sees it before it is there; if that fails nothing has
+    /// changed. `made` is called when it is there. Both are called in the order of revisions; readers do not wait meanwhile, other writers do.
     ///
     /// # Errors
     /// [`Reason::StaleRevision`] with the current revision as metadata, [`Reason::NothingToStepTo`], those of [`Session::apply`] and those
     /// of `commit`.
-    pub fn edit(&self, base: Option<Revision>, edit: Edit<'_>, commit: impl FnOnce(&Arc<Snapshot>) -> Result<()>) -> Result<Revision> {
+    pub fn edit(
+        &self,
+        base: Option<Revision>,
+        edit: Edit<'_>,
+        commit: impl FnOnce(&Pending) -> Result<()>,
+        made: impl FnOnce(&Pending),
+    ) -> Result<Revision> {
+        let _writer = self.writer.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let (pending, steps) = self.pending(base, edit)?;
+        commit(&pending)?;
         let mut state = self.lock();
+        state.steps = steps;
+        state.history.push_back(pending.next.clone());
+        while state.history.len() > KEPT_REVISIONS {
+            state.history.pop_front();
+        }
+        drop(state);
+        made(&pending);
+        Ok(pending.next.revision)
+    }
+
+    /// What an edit would make.
+    fn pending(&self, base: Option<Revision>, edit: Edit<'_>) -> Result<(Pending, Stacks)> {
+        let state = self.lock();
         let current = state.history.back().expect("history is never empty").clone();
         if let Some(base) = base.filter(|&base| base != current.revision) {
             let message = format!("the change is based on revision {}, the session is at {}", base.0, current.revision.0);
@@ -125,15 +177,13 @@ impl Session {
             Edit::Undo | Edit::Redo => Snapshot::clone(&*state.steps.target(edit)?),
         };
         next.revision = Revision(current.revision.0 + 1);
-        let next = Arc::new(next);
-        commit(&next)?;
-        state.steps.note(edit, current);
-        let revision = next.revision;
-        state.history.push_back(next);
-        while state.history.len() > KEPT_REVISIONS {
-            state.history.pop_front();
-        }
-        Ok(revision)
+        let mut steps = state.steps.clone();
+        steps.note(edit, current);
+        let dropped = (state.history.len() + 1).saturating_sub(KEPT_REVISIONS);
+        let oldest = state.history.get(dropped).map_or(next.revision, |snapshot| snapshot.revision);
+        let revisions = |states: &mut dyn Iterator<Item = &Arc<Snapshot>>| states.map(|s| s.revision).collect();
+        let (undo, redo) = (revisions(&mut steps.undo.iter()), revisions(&mut steps.redo.iter()));
+        Ok((Pending { next: Arc::new(next), oldest, undo, redo }, steps))
     }
 
     /// How far undo and redo reach.
@@ -157,7 +207,7 @@ mod tests {
     }
 
     fn step(session: &Session, edit: Edit<'_>) -> Option<f64> {
-        session.edit(None, edit, |_| Ok(())).unwrap();
+        session.edit(None, edit, |_| Ok(()), |_| ()).unwrap();
         match session.snapshot().size {
             Some(SizeSpec::Uniform { size }) => Some(size),
             _ => None,
@@ -173,7 +223,7 @@ mod tests {
         let walk = [Edit::Undo, Edit::Undo, Edit::Redo, Edit::Undo, Edit::Undo].map(|edit| step(&session, edit));
         assert_eq!(walk, [Some(2.0), Some(1.0), Some(2.0), Some(1.0), None]);
         assert_eq!(session.steps(), Steps { undo: 0, redo: 3 });
-        let none = session.edit(None, Edit::Undo, |_| Ok(())).unwrap_err();
+        let none = session.edit(None, Edit::Undo, |_| Ok(()), |_| ()).unwrap_err();
         assert_eq!((none.reason(), session.revision()), (Reason::NothingToStepTo, Revision(8)), "every step makes a revision");
         assert_eq!([Edit::Redo; 3].map(|edit| step(&session, edit)), [Some(1.0), Some(2.0), Some(3.0)]);
         step(&session, Edit::Undo);
@@ -192,16 +242,16 @@ mod tests {
         for n in 0..KEPT_REVISIONS {
             assert_eq!(step(&session, Edit::Undo), Some((3 * KEPT_REVISIONS - 1 - n) as f64));
         }
-        assert_eq!(session.edit(None, Edit::Undo, |_| Ok(())).unwrap_err().reason(), Reason::NothingToStepTo);
+        assert_eq!(session.edit(None, Edit::Undo, |_| Ok(()), |_| ()).unwrap_err().reason(), Reason::NothingToStepTo);
     }
 
     #[test]
     fn a_commit_that_fails_leaves_the_session_as_it_was() {
         let session = session();
         session.apply(None, &size(1.0)).unwrap();
-        let full = |_: &Arc<Snapshot>| Err(EngineError::new(Reason::LimitReached, "disk full"));
+        let full = |_: &Pending| Err(EngineError::new(Reason::LimitReached, "disk full"));
         for edit in [Edit::Changes(&size(2.0)), Edit::Undo] {
-            assert_eq!(session.edit(None, edit, full).unwrap_err().reason(), Reason::LimitReached);
+            assert_eq!(session.edit(None, edit, full, |_| panic!("not made")).unwrap_err().reason(), Reason::LimitReached);
             assert_eq!((session.revision(), session.steps()), (Revision(1), Steps { undo: 1, redo: 0 }));
         }
     }

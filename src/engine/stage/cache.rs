@@ -263,9 +263,9 @@ impl State {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stage::Stage;
     use crate::error::Reason;
     use crate::fingerprint::Feeder;
+    use crate::stage::Stage;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     #[derive(Debug, PartialEq)]

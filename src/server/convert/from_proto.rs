@@ -120,7 +120,7 @@ pub(crate) fn columns(numbers: &[i32], allowed: &[v1::DataColumn], default: &[v1
 fn with_packed<T>(engine: &Engine, array: &v1::PackedArray, field: &str, read: impl FnOnce(&[u8]) -> Result<T>) -> Result<T> {
     match required(array.data.as_ref(), field)? {
         v1::packed_array::Data::Inline(bytes) => read(bytes),
-        v1::packed_array::Data::Blob(name) => read(&engine.blob(blob_digest(name, field)?)?.bytes),
+        v1::packed_array::Data::Blob(name) => read(&engine.blob(blob_digest(name, field)?)?.bytes()?),
     }
 }
 

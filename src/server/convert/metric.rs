@@ -1,6 +1,7 @@
 //! Metrics of the anisotropic mesher.
 
 use super::from_proto::f64_rows;
+use super::sources::packed;
 use remesh_engine::engine::Engine;
 use remesh_engine::error::Result;
 use remesh_engine::metric::{MetricSource, MetricSpec};
@@ -31,6 +32,16 @@ pub(super) fn from_wire(engine: &Engine, wire: &v1::MetricSpec) -> Result<Metric
     };
     spec.validate()?;
     Ok(spec)
+}
+
+/// The same with its tensors.
+pub(super) fn whole(spec: &MetricSpec) -> v1::MetricSpec {
+    use v1::metric_spec::Source;
+    let mut wire = to_wire(spec);
+    if let MetricSource::PerVertex { tensors } = &spec.source {
+        wire.source = Some(Source::Tensors(packed(tensors.as_flattened().iter().map(|x| x.to_le_bytes()))));
+    }
+    wire
 }
 
 /// The same as a client reads it; tensors are not repeated back.

@@ -1,6 +1,7 @@
 //! Sizes and locks on the wire, in both directions. Ranges of numbers in fields are the engine's to check; simple sizes are checked here.
 
 use super::from_proto::{bounds, f64_rows, known, positive, required, u32_rows};
+use super::sources::packed;
 use remesh_engine::EngineError;
 use remesh_engine::engine::Engine;
 use remesh_engine::error::{Reason, Result};
@@ -246,6 +247,60 @@ pub(crate) fn wire(spec: &SizeSpec) -> v1::SizeSpec {
     v1::SizeSpec { size: Some(size) }
 }
 
+fn packed_numbers(numbers: &[f64]) -> v1::PackedArray {
+    packed(numbers.iter().map(|x| x.to_le_bytes()))
+}
+
+fn packed_points(points: &[Vec3]) -> v1::PackedArray {
+    packed_numbers(points.as_flattened())
+}
+
+/// A size with its arrays.
+pub(super) fn whole(spec: &SizeSpec) -> v1::SizeSpec {
+    use v1::size_spec::Size;
+    let mut told = wire(spec);
+    match (spec, &mut told.size) {
+        (SizeSpec::PerVertex { sizes, .. }, Some(Size::PerVertex(told))) => told.sizes = Some(packed_numbers(sizes)),
+        (SizeSpec::Composed(composed), Some(Size::Composed(told))) => {
+            for (field, told) in composed.fields.iter().zip(&mut told.fields) {
+                told.field = Some(whole_field(field));
+            }
+        }
+        _ => {}
+    }
+    told
+}
+
+fn whole_field(field: &SizeFieldSpec) -> v1::size_field::Field {
+    use v1::size_field::Field;
+    let told = wire_field(field);
+    match (field, told) {
+        (SizeFieldSpec::PerVertex { sizes }, _) => Field::PerVertex(packed_numbers(sizes)),
+        (SizeFieldSpec::Centerline(CenterlineSize { lines: Some(lines), .. }), Field::Centerline(mut told)) => {
+            let line = |line: &Centerline| v1::Centerline {
+                points: Some(packed_points(&line.points)),
+                radii: (!line.radii.is_empty()).then(|| packed_numbers(&line.radii)),
+            };
+            told.lines = lines.iter().map(line).collect();
+            Field::Centerline(told)
+        }
+        (SizeFieldSpec::Distance(DistanceSize { from, .. }), Field::Distance(mut told)) => {
+            use v1::distance_size::From;
+            match from {
+                DistanceSource::Points(points) => told.from = Some(From::Points(packed_points(points))),
+                DistanceSource::Polylines(lines) => {
+                    let points: Vec<Vec3> = lines.iter().flatten().copied().collect();
+                    let counts = lines.iter().map(|line| line.len() as u32).collect();
+                    told.from = Some(From::Polylines(v1::Polylines { points: Some(packed_points(&points)), counts }));
+                }
+                DistanceSource::Features | DistanceSource::Boundary => {}
+            }
+            Field::Distance(told)
+        }
+        (_, told) => told,
+    }
+}
+
 fn wire_field(field: &SizeFieldSpec) -> v1::size_field::Field {
     use v1::size_field::Field;
     let wire_point = |[x, y, z]: Vec3| Some(v1::Point { x, y, z });
@@ -315,6 +370,19 @@ pub(crate) fn lock(engine: &Engine, spec: &v1::LockSpec) -> Result<LockSpec> {
         Some(Lock::Loops(array)) => LockSpec::Loops(indices(array, "lock.loops")?),
         Some(Lock::Vertices(array)) => LockSpec::Vertices(indices(array, "lock.vertices")?),
     })
+}
+
+/// Locks with their arrays.
+pub(super) fn whole_lock(spec: &LockSpec) -> v1::LockSpec {
+    use v1::lock_spec::Lock;
+    let array = |named: &[u32]| packed(named.iter().map(|v| v.to_le_bytes()));
+    let mut told = wire_lock(spec);
+    match spec {
+        LockSpec::Nothing | LockSpec::Boundary => {}
+        LockSpec::Loops(named) => told.lock = Some(Lock::Loops(array(named))),
+        LockSpec::Vertices(named) => told.lock = Some(Lock::Vertices(array(named))),
+    }
+    told
 }
 
 /// Locks as they are told back: without their arrays.

@@ -1,6 +1,7 @@
 //! Where meshes come from: files, arrays and samples, with how they are read.
 
 use super::from_proto::{f64_rows, format, known, required, u32_rows, unit};
+use super::to_proto;
 use crate::state::blob_digest;
 use bytes::Bytes;
 use remesh_engine::engine::Engine;
@@ -110,6 +111,70 @@ pub(crate) fn one_call_source(engine: &Engine, source: Option<v1::remesh_mesh_re
         Source::Data(bytes) => inline_file(engine, bytes),
         Source::Blob(name) => blob_file(engine, &name, "blob"),
         Source::Sample(spec) => Ok(MeshSource::Sample(sample(engine, &spec)?)),
+    }
+}
+
+/// The surface of a session that was kept; a file by its digest.
+pub(super) fn stored_source(engine: &Engine, source: Option<v1::stored_mesh::Source>) -> Result<MeshSource> {
+    use v1::stored_mesh::Source;
+    match required(source, "source")? {
+        Source::Blob(digest) => Ok(MeshSource::File(engine.blob(&digest)?)),
+        Source::Arrays(wire) => Ok(MeshSource::from_arrays(arrays(engine, &wire)?)),
+        Source::Sample(spec) => Ok(MeshSource::Sample(sample(engine, &spec)?)),
+    }
+}
+
+/// Numbers as a packed array in the message.
+pub(super) fn packed<const B: usize>(numbers: impl Iterator<Item = [u8; B]>) -> v1::PackedArray {
+    let bytes: Vec<u8> = numbers.flatten().collect();
+    v1::PackedArray { data: Some(v1::packed_array::Data::Inline(bytes.into())) }
+}
+
+/// Arrays of a client, back.
+pub(super) fn wire_arrays(mesh: &SurfaceMesh) -> v1::MeshArrays {
+    v1::MeshArrays {
+        positions: Some(packed(mesh.positions.as_flattened().iter().map(|x| x.to_le_bytes()))),
+        triangles: Some(packed(mesh.triangles.as_flattened().iter().map(|v| v.to_le_bytes()))),
+        face_regions: Some(packed(mesh.face_region.iter().map(|r| r.to_le_bytes()))),
+        regions: to_proto::regions(&mesh.regions),
+        unit: to_proto::unit(mesh.unit).into(),
+    }
+}
+
+/// Which sample, back.
+pub(super) fn wire_sample(spec: &SampleSpec) -> v1::SampleSpec {
+    let kind = match spec.kind {
+        SampleKind::Artery => v1::SampleKind::Artery,
+        SampleKind::Pelvis => v1::SampleKind::Pelvis,
+        SampleKind::Brake => v1::SampleKind::Brake,
+        SampleKind::CadPart => v1::SampleKind::CadPart,
+        SampleKind::Tube => v1::SampleKind::Tube,
+        SampleKind::Lattice => v1::SampleKind::Lattice,
+    };
+    v1::SampleSpec {
+        kind: kind.into(),
+        triangles: Some(spec.triangles),
+        genus: spec.genus,
+        outlets: spec.outlets,
+        aspect_ratio: spec.aspect_ratio,
+    }
+}
+
+/// How to read, back. The limit of faces is that of the daemon.
+pub(super) fn wire_options(options: &ImportOptions) -> v1::ImportOptions {
+    let ImportOptions { format, weld_tolerance, assume_unit, obj_regions, only_regions, max_faces: _ } = options;
+    let obj_regions = match obj_regions {
+        ObjRegions::Automatic => v1::ObjRegions::Automatic,
+        ObjRegions::Group => v1::ObjRegions::Group,
+        ObjRegions::Object => v1::ObjRegions::Object,
+        ObjRegions::Material => v1::ObjRegions::Material,
+    };
+    v1::ImportOptions {
+        format: format.map_or(v1::MeshFormat::Unspecified, to_proto::format).into(),
+        weld_tolerance: *weld_tolerance,
+        assume_unit: to_proto::unit(*assume_unit).into(),
+        obj_regions: obj_regions.into(),
+        only_regions: only_regions.clone(),
     }
 }
 

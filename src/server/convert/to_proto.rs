@@ -1,10 +1,10 @@
 //! Engine results to wire messages. Nothing here can fail.
 
-use super::{charts, meshers, patches, sizes};
+use super::{charts, meshers, patches, sizes, sources};
 use crate::status::location;
 use remesh_engine::diagnose::{Defect, Diagnosis, Finding};
 use remesh_engine::features::{FeatureSpec, RegionBorders};
-use remesh_engine::import::ImportReport;
+use remesh_engine::import::{Format, ImportReport};
 use remesh_engine::mesh::{LengthUnit, Region, SurfaceMesh};
 use remesh_engine::optimize::OptimizeSpec;
 use remesh_engine::partition::{BorderSmoothing, PartitionSpec, PartitionStrategy, PatchSummary, Plane};
@@ -81,6 +81,18 @@ pub(crate) fn unit(unit: LengthUnit) -> v1::LengthUnit {
         LengthUnit::Micrometre => v1::LengthUnit::Micrometre,
         LengthUnit::Inch => v1::LengthUnit::Inch,
         LengthUnit::Foot => v1::LengthUnit::Foot,
+    }
+}
+
+pub(super) fn format(format: Format) -> v1::MeshFormat {
+    match format {
+        Format::Stl => v1::MeshFormat::Stl,
+        Format::Obj => v1::MeshFormat::Obj,
+        Format::Ply => v1::MeshFormat::Ply,
+        Format::Off => v1::MeshFormat::Off,
+        Format::Msh => v1::MeshFormat::Msh,
+        Format::Gltf => v1::MeshFormat::Gltf,
+        Format::Vtu => v1::MeshFormat::Vtu,
     }
 }
 
@@ -275,6 +287,12 @@ fn features(spec: &FeatureSpec) -> v1::FeatureSpec {
     }
 }
 
+/// Features with their arrays.
+pub(super) fn whole_features(spec: &FeatureSpec) -> v1::FeatureSpec {
+    let edges = spec.explicit_edges.as_flattened().iter().map(|v| v.to_le_bytes());
+    v1::FeatureSpec { explicit_edges: (!spec.explicit_edges.is_empty()).then(|| sources::packed(edges)), ..features(spec) }
+}
+
 pub(super) fn partition(spec: &PartitionSpec) -> v1::PartitionSpec {
     let borders = match spec.borders {
         BorderSmoothing::Vote => v1::PartitionBorders::Vote,
@@ -306,12 +324,12 @@ pub(crate) fn strategy(strategy: PartitionStrategy) -> (v1::PartitionStrategy, O
     }
 }
 
-fn cut_plane(plane: Plane) -> v1::CutPlane {
+pub(super) fn cut_plane(plane: Plane) -> v1::CutPlane {
     let point = |[x, y, z]: [f64; 3]| Some(v1::Point { x, y, z });
     v1::CutPlane { point: point(plane.point), normal: point(plane.normal) }
 }
 
-fn optimize(spec: &OptimizeSpec) -> v1::OptimizeSpec {
+pub(super) fn optimize(spec: &OptimizeSpec) -> v1::OptimizeSpec {
     v1::OptimizeSpec { rounds: Some(spec.rounds), min_kappa: Some(spec.min_kappa) }
 }
 

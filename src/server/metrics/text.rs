@@ -61,6 +61,7 @@ pub(super) fn page(shared: &Shared) -> String {
     page.single("cache_misses_total", "counter", "Stage outputs that had to be computed.", cache.runs);
     page.single("cache_evictions_total", "counter", "Stage outputs dropped for want of room.", cache.evictions);
     page.single("blob_bytes", "gauge", "Bytes of uploaded files held.", blob_bytes);
+    page.single("store_bytes", "gauge", "Bytes of the data folder on the disk.", shared.keeper.used_bytes());
     page.single("blobs", "gauge", "Uploaded files held.", blobs);
     page.single("sessions", "gauge", "Open sessions.", sessions);
     page.single("running", "gauge", "Computations that run.", shared.pool.running());

@@ -218,7 +218,7 @@ impl ChartService for ChartMaps {
         let target = call.target_of_edit(&request.session, request.base_revision, &open)?;
         let planned = target.clone();
         let intent = call.weigh(move |shared, run| weight_of_layout(shared, run, &planned)).await;
-        call.compute(intent, move |shared, run| patch_chart::update(shared, run, &target, request).map(|answer| open.keep(answer))).await
+        call.compute(intent, move |shared, run| patch_chart::update(shared, run, &target, request, open)).await
     }
 
     async fn reset_patch_chart(
@@ -231,8 +231,7 @@ impl ChartService for ChartMaps {
         let target = call.target_of_edit(&request.session, request.base_revision, &open)?;
         let planned = target.clone();
         let intent = call.weigh(move |shared, run| weight_of_layout(shared, run, &planned)).await;
-        call.compute(intent, move |shared, run| patch_chart::reset(shared, run, &target, request.patch).map(|answer| open.keep(answer)))
-            .await
+        call.compute(intent, move |shared, run| patch_chart::reset(shared, run, &target, request.patch, open)).await
     }
 
     type PreviewPatchChartStream = Watch<v1::PreviewPatchChartResponse>;

@@ -1,12 +1,11 @@
 //! `MeshService`: meshes in and out of a session.
 
-use super::upload::receive;
-use crate::answers::open_edit;
+use super::upload::{missing, receive};
+use crate::answers::{Open, open_edit};
 use crate::convert::from_proto::{self, WhichMesh};
 use crate::convert::{sources, to_proto};
 use crate::dispatch::{Call, Intent};
 use crate::state::{Shared, Target, blob_name};
-use crate::status::Fault;
 use crate::stream::{Chunks, Column, Watch, file_pieces};
 use remesh_engine::error::Result as EngineResult;
 use remesh_engine::export::{Encoding, Exported, FaceData, export_mesh};
@@ -31,7 +30,13 @@ fn milliseconds(begin: Instant) -> f64 {
     begin.elapsed().as_secs_f64() * 1e3
 }
 
-fn import(shared: &Shared, run: &Run<'_>, target: &Target, request: v1::ImportMeshRequest) -> EngineResult<v1::ImportMeshResponse> {
+fn import(
+    shared: &Shared,
+    run: &Run<'_>,
+    target: &Target,
+    request: v1::ImportMeshRequest,
+    open: Open,
+) -> EngineResult<v1::ImportMeshResponse> {
     let begin = Instant::now();
     let options = sources::import_options(&shared.engine, request.options)?;
     let source = sources::import_source(&shared.engine, request.source)?;
@@ -42,15 +47,18 @@ fn import(shared: &Shared, run: &Run<'_>, target: &Target, request: v1::ImportMe
     shared.check_faces(&target.desk, 0)?;
     let answer = pipeline::import(&shared.engine, &candidate, run)?;
     shared.check_faces(&target.desk, answer.value.mesh.triangles.len() as u64)?;
-    let revision = target.apply(request.base_revision.map(Revision), &[Change::Mesh { source, options }])?;
     let mesh = to_proto::mesh_summary(&answer.value.mesh);
     target.desk.note_mesh(&candidate, mesh.clone());
-    Ok(v1::ImportMeshResponse {
-        revision: revision.0,
+    let response = v1::ImportMeshResponse {
+        revision: 0,
         mesh: Some(mesh),
         report: Some(to_proto::import_report(&answer.value.report)),
         diagnosis: Some(to_proto::diagnosis(&answer.value.diagnosis)),
         summary: Some(to_proto::summary(&answer.records, milliseconds(begin))),
+    };
+    target.apply(request.base_revision.map(Revision), &[Change::Mesh { source, options }], open, |made| v1::ImportMeshResponse {
+        revision: made.next.revision.0,
+        ..response
     })
 }
 
@@ -269,20 +277,24 @@ fn diagnose(shared: &Shared, run: &Run<'_>, target: &Target) -> EngineResult<v1:
 impl MeshService for Meshes {
     async fn upload_mesh(&self, request: Request<Streaming<v1::UploadMeshRequest>>) -> Result<Response<v1::UploadMeshResponse>, Status> {
         let call = Call::begin(&self.0, "UploadMesh", &request)?;
-        let upload = match receive(&self.0, request.into_inner()).await {
+        let upload = match receive(&self.0, call.caller(), request.into_inner()).await {
             Ok(upload) => upload,
             Err(fault) => return call.finish(Err(fault)),
         };
-        let bytes = upload.file.len() as u64;
-        let (call, stored) = call.on_pool(Intent::Short, move |shared, _| shared.engine.put_blob(upload.file)).await;
-        let response = stored.and_then(|blob| {
-            if upload.expected_digest.is_empty() || upload.expected_digest.eq_ignore_ascii_case(&blob.digest) {
-                Ok(v1::UploadMeshResponse { blob: blob_name(&blob.digest), bytes })
-            } else {
-                Err(Fault::DigestMismatch { actual: blob.digest.clone() })
-            }
-        });
+        let bytes = upload.file.bytes();
+        let finish = move |shared: &Shared, _: &Run<'_>| Ok(upload.file.finish(shared, upload.expected.as_deref()));
+        let (call, stored) = call.on_pool(Intent::Short, finish).await;
+        let response = stored.and_then(|finished| finished).map(|blob| v1::UploadMeshResponse { blob: blob_name(&blob.digest), bytes });
         call.finish(response)
+    }
+
+    async fn find_missing_blobs(
+        &self,
+        request: Request<v1::FindMissingBlobsRequest>,
+    ) -> Result<Response<v1::FindMissingBlobsResponse>, Status> {
+        let call = Call::begin(&self.0, "FindMissingBlobs", &request)?;
+        let caller = call.caller().clone();
+        call.on_disk(move |shared| missing(shared, &caller, &request.into_inner().digests)).await
     }
 
     async fn import_mesh(&self, request: Request<v1::ImportMeshRequest>) -> Result<Response<v1::ImportMeshResponse>, Status> {
@@ -290,7 +302,7 @@ impl MeshService for Meshes {
         let request = request.into_inner();
         let open = open_edit!(call, request);
         let target = call.target_of_edit(&request.session, request.base_revision, &open)?;
-        call.compute(Intent::Long, move |shared, run| import(shared, run, &target, request).map(|answer| open.keep(answer))).await
+        call.compute(Intent::Long, move |shared, run| import(shared, run, &target, request, open)).await
     }
 
     async fn diagnose_mesh(&self, request: Request<v1::DiagnoseMeshRequest>) -> Result<Response<v1::DiagnoseMeshResponse>, Status> {

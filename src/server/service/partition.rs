@@ -171,7 +171,7 @@ impl PartitionService for Partitions {
         let request = request.into_inner();
         let open = open_edit!(call, request);
         let target = call.target_of_edit(&request.session, request.base_revision, &open)?;
-        call.compute(Intent::Short, move |_, _| patch_edit::reset(&target).map(|answer| open.keep(answer))).await
+        call.compute(Intent::Short, move |_, _| patch_edit::reset(&target, open)).await
     }
 }
 
@@ -184,7 +184,7 @@ async fn edit<T: From<patch_edit::Edited> + prost::Message + 'static>(
 ) -> Result<Response<T>, Status> {
     call.compute(Intent::Long, move |shared, run| {
         let request = wanted(shared)?;
-        patch_edit::edit(shared, run, &target, &request).map(|edited| open.keep(T::from(edited)))
+        patch_edit::edit(shared, run, &target, &request, open)
     })
     .await
 }

@@ -2,6 +2,7 @@
 
 use super::chart::{ChartData, Coordinates, columns, summary_of};
 use super::partition::check_patch;
+use crate::answers::Open;
 use crate::convert::charts::{self, within};
 use crate::convert::to_proto;
 use crate::state::{Shared, Target};
@@ -11,7 +12,7 @@ use remesh_engine::EngineError;
 use remesh_engine::error::Result as EngineResult;
 use remesh_engine::parametrize::ChartSpec;
 use remesh_engine::pipeline::{self, Answer, ChartVerdict, Layout, Run};
-use remesh_engine::session::Change;
+use remesh_engine::session::{Change, Pending};
 use remesh_engine::stage::{Outcome, StageRecord};
 use remesh_proto::v1;
 use std::sync::Arc;
@@ -70,6 +71,7 @@ pub(crate) fn update(
     run: &Run<'_>,
     target: &Target,
     request: v1::UpdatePatchChartRequest,
+    open: Open,
 ) -> EngineResult<v1::UpdatePatchChartResponse> {
     let layout = layout(shared, run, target)?.value;
     let p = check_patch(&layout, request.patch)?;
@@ -77,20 +79,22 @@ pub(crate) fn update(
     let told = charts::wire(&spec);
     let change = Change::PatchChart { patch: layout.patches.identities[p], spec: Some(spec) };
     // On the revision that the number was looked up in: in another one it may be another patch.
-    let revision = target.apply(Some(target.snapshot.revision), &[change])?;
-    Ok(v1::UpdatePatchChartResponse { revision: revision.0, spec: Some(told) })
+    let answer = |made: &Pending| v1::UpdatePatchChartResponse { revision: made.next.revision.0, spec: Some(told) };
+    target.apply(Some(target.snapshot.revision), &[change], open, answer)
 }
 
 /// Takes the own spec of a patch back.
-pub(crate) fn reset(shared: &Shared, run: &Run<'_>, target: &Target, patch: u32) -> EngineResult<v1::ResetPatchChartResponse> {
+pub(crate) fn reset(shared: &Shared, run: &Run<'_>, target: &Target, patch: u32, open: Open) -> EngineResult<v1::ResetPatchChartResponse> {
     let layout = layout(shared, run, target)?.value;
     let p = check_patch(&layout, patch)?;
     let identity = layout.patches.identities[p];
-    let mut revision = target.snapshot.revision;
-    if target.snapshot.patch_charts.contains_key(&identity) {
-        revision = target.apply(Some(revision), &[Change::PatchChart { patch: identity, spec: None }])?;
+    let base = target.snapshot.revision;
+    let spec = Some(charts::wire(&target.snapshot.chart));
+    if !target.snapshot.patch_charts.contains_key(&identity) {
+        return target.unchanged(open, v1::ResetPatchChartResponse { revision: base.0, spec });
     }
-    Ok(v1::ResetPatchChartResponse { revision: revision.0, spec: Some(charts::wire(&target.snapshot.chart)) })
+    let answer = |made: &Pending| v1::ResetPatchChartResponse { revision: made.next.revision.0, spec };
+    target.apply(Some(base), &[Change::PatchChart { patch: identity, spec: None }], open, answer)
 }
 
 /// The records of a second look: what the first one had to compute was found by the second, but did run.

@@ -1,11 +1,13 @@
 //! Edits of single patches: split, merge, move faces, take all back.
 
+use crate::answers::Open;
 use crate::convert::{patches, to_proto};
 use crate::state::{Shared, Target};
+use prost::Message;
 use remesh_engine::error::Result as EngineResult;
 use remesh_engine::partition::PatchRequest;
 use remesh_engine::pipeline::{self, Run};
-use remesh_engine::session::Change;
+use remesh_engine::session::{Change, Pending};
 use remesh_proto::v1;
 use std::time::Instant;
 
@@ -19,28 +21,36 @@ pub(crate) struct Edited {
 }
 
 /// Carries out an edit on the revision that its numbers were looked up in: in another one they may be other patches.
-pub(crate) fn edit(shared: &Shared, run: &Run<'_>, target: &Target, request: &PatchRequest) -> EngineResult<Edited> {
+pub(crate) fn edit<T: From<Edited> + Message>(
+    shared: &Shared,
+    run: &Run<'_>,
+    target: &Target,
+    request: &PatchRequest,
+    open: Open,
+) -> EngineResult<T> {
     let begin = Instant::now();
     let answer = pipeline::edit_patches(&shared.engine, &target.snapshot, request, run)?;
     let edited = answer.value;
-    let revision = target.apply(Some(target.snapshot.revision), &[Change::PatchEdit(edited.edit)])?;
-    Ok(Edited {
-        revision: revision.0,
+    let made = Edited {
+        revision: 0,
         patches: patches::summaries(&edited.layout, &edited.patches),
         patch_count: edited.layout.partition.patches.len() as u32,
         split_again: edited.split_again,
         summary: Some(to_proto::summary(&answer.records, begin.elapsed().as_secs_f64() * 1e3)),
-    })
+    };
+    let base = Some(target.snapshot.revision);
+    target.apply(base, &[Change::PatchEdit(edited.edit)], open, |pending| T::from(Edited { revision: pending.next.revision.0, ..made }))
 }
 
 /// Takes all edits back.
-pub(crate) fn reset(target: &Target) -> EngineResult<v1::ResetPatchesResponse> {
+pub(crate) fn reset(target: &Target, open: Open) -> EngineResult<v1::ResetPatchesResponse> {
     let edits = target.snapshot.patch_edits.len() as u32;
-    let mut revision = target.snapshot.revision;
-    if edits > 0 {
-        revision = target.apply(Some(revision), &[Change::ResetPatchEdits])?;
+    let base = target.snapshot.revision;
+    if edits == 0 {
+        return target.unchanged(open, v1::ResetPatchesResponse { revision: base.0, edits });
     }
-    Ok(v1::ResetPatchesResponse { revision: revision.0, edits })
+    let answer = |made: &Pending| v1::ResetPatchesResponse { revision: made.next.revision.0, edits };
+    target.apply(Some(base), &[Change::ResetPatchEdits], open, answer)
 }
 
 impl From<Edited> for v1::SplitPatchResponse {

@@ -1,7 +1,8 @@
 //! `SessionService`: the life of sessions and changes of their inputs.
 
 use super::partition::check_patch;
-use crate::answers::open_edit;
+use super::transfer;
+use crate::answers::{Open, open_edit};
 use crate::caller::Caller;
 use crate::convert::{from_proto, sizes, to_proto};
 use crate::desk::Desk;
@@ -13,12 +14,12 @@ use crate::stream::Watch;
 use remesh_engine::EngineError;
 use remesh_engine::error::Result as EngineResult;
 use remesh_engine::pipeline::{self, Run};
-use remesh_engine::session::{Edit, Revision, Session, Steps};
+use remesh_engine::session::{Edit, Pending, Revision, Session, Steps};
 use remesh_proto::v1;
 use remesh_proto::v1::session_service_server::SessionService;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
-use tonic::{Request, Response, Status};
+use tonic::{Request, Response, Status, Streaming};
 
 /// The service.
 #[derive(Debug, Clone)]
@@ -65,18 +66,24 @@ fn bounded_ttl(shared: &Shared, ttl: prost_types::Duration) -> EngineResult<Dura
     Ok(ttl.min(shared.config.engine.max_ttl))
 }
 
+/// Refuses a name for people that is too long.
+pub(crate) fn check_display_name(name: &str) -> EngineResult<()> {
+    if name.chars().count() > MAX_DISPLAY_NAME {
+        return Err(EngineError::bad_parameter("display_name", format!("has more than {MAX_DISPLAY_NAME} characters")));
+    }
+    Ok(())
+}
+
 fn create(
     shared: &Shared,
     request: v1::CreateSessionRequest,
     caller: &Caller,
     client: &Arc<str>,
 ) -> Result<v1::CreateSessionResponse, Fault> {
-    if request.display_name.chars().count() > MAX_DISPLAY_NAME {
-        return Err(EngineError::bad_parameter("display_name", format!("has more than {MAX_DISPLAY_NAME} characters")).into());
-    }
+    check_display_name(&request.display_name)?;
     let ttl = request.ttl.map(|ttl| bounded_ttl(shared, ttl)).transpose()?;
     // Expired sessions must not keep new ones out.
-    shared.sweep();
+    shared.expire();
     let (session, desk) = shared.create_session(ttl, request.display_name, caller, client)?;
     Ok(v1::CreateSessionResponse { session: Some(whole(&session, &desk)) })
 }
@@ -116,21 +123,22 @@ fn list(shared: &Shared, request: &v1::ListSessionsRequest, caller: &Caller) -> 
 fn update(shared: &Shared, request: v1::UpdateSessionRequest, caller: &Caller) -> EngineResult<v1::UpdateSessionResponse> {
     let (session, desk) = shared.session(&request.name, "name", caller)?;
     let ttl = request.ttl.ok_or_else(|| EngineError::bad_parameter("ttl", "is required"))?;
-    session.set_ttl(bounded_ttl(shared, ttl)?);
+    let (before, ttl) = (session.ttl(), bounded_ttl(shared, ttl)?);
+    session.set_ttl(ttl);
+    if let Err(error) = shared.keeper.put_session(&session, &desk) {
+        session.set_ttl(before);
+        return Err(error);
+    }
     Ok(v1::UpdateSessionResponse { session: Some(whole(&session, &desk)) })
 }
 
 fn delete(shared: &Shared, request: &v1::DeleteSessionRequest, caller: &Caller) -> EngineResult<v1::DeleteSessionResponse> {
+    if shared.delete_unreadable(&request.name, caller)? {
+        return Ok(v1::DeleteSessionResponse::default());
+    }
     let (session, _) = shared.session(&request.name, "name", caller)?;
     shared.delete_session(&session, caller)?;
     Ok(v1::DeleteSessionResponse { revision: session.revision().0 })
-}
-
-/// Undoes or redoes; gives the new revision and how far both reach now.
-fn step(target: &Target, base: Option<u64>, edit: Edit<'_>) -> EngineResult<(u64, u32, u32)> {
-    let revision = target.edit(base.map(Revision), edit)?;
-    let Steps { undo, redo } = target.session.steps();
-    Ok((revision.0, undo as u32, redo as u32))
 }
 
 fn watch(
@@ -159,12 +167,17 @@ fn names_patches(change: Option<&v1::Change>) -> bool {
     }
 }
 
+fn applied(made: &Pending) -> v1::ApplyChangeResponse {
+    v1::ApplyChangeResponse { revision: made.next.revision.0 }
+}
+
 /// Applies a size that names patches by number.
 fn apply_patch_sizes(
     shared: &Shared,
     run: &Run<'_>,
     target: &Target,
     request: v1::ApplyChangeRequest,
+    open: Open,
 ) -> EngineResult<v1::ApplyChangeResponse> {
     let mut change = request.change;
     let layout = pipeline::layout(&shared.engine, &target.snapshot, run)?.value;
@@ -173,16 +186,15 @@ fn apply_patch_sizes(
     }
     let change = from_proto::change(&shared.engine, change)?;
     // On the revision that the numbers were looked up in: in another one they may be other patches.
-    let revision = target.apply(Some(target.snapshot.revision), &[change])?;
-    Ok(v1::ApplyChangeResponse { revision: revision.0 })
+    target.apply(Some(target.snapshot.revision), &[change], open, applied)
 }
 
 #[tonic::async_trait]
 impl SessionService for Sessions {
     async fn create_session(&self, request: Request<v1::CreateSessionRequest>) -> Result<Response<v1::CreateSessionResponse>, Status> {
         let call = Call::begin(&self.0, "CreateSession", &request)?;
-        let created = create(&self.0, request.into_inner(), call.caller(), call.client());
-        call.finish(created)
+        let (caller, client) = (call.caller().clone(), call.client().clone());
+        call.on_disk(move |shared| create(shared, request.into_inner(), &caller, &client)).await
     }
 
     async fn get_session(&self, request: Request<v1::GetSessionRequest>) -> Result<Response<v1::GetSessionResponse>, Status> {
@@ -200,14 +212,14 @@ impl SessionService for Sessions {
 
     async fn update_session(&self, request: Request<v1::UpdateSessionRequest>) -> Result<Response<v1::UpdateSessionResponse>, Status> {
         let call = Call::begin(&self.0, "UpdateSession", &request)?;
-        let updated = update(&self.0, request.into_inner(), call.caller());
-        call.finish(updated.map_err(Into::into))
+        let caller = call.caller().clone();
+        call.on_disk(move |shared| update(shared, request.into_inner(), &caller)).await
     }
 
     async fn delete_session(&self, request: Request<v1::DeleteSessionRequest>) -> Result<Response<v1::DeleteSessionResponse>, Status> {
         let call = Call::begin(&self.0, "DeleteSession", &request)?;
-        let deleted = delete(&self.0, &request.into_inner(), call.caller());
-        call.finish(deleted.map_err(Into::into))
+        let caller = call.caller().clone();
+        call.on_disk(move |shared| delete(shared, &request.into_inner(), &caller)).await
     }
 
     async fn apply_change(&self, request: Request<v1::ApplyChangeRequest>) -> Result<Response<v1::ApplyChangeResponse>, Status> {
@@ -216,16 +228,13 @@ impl SessionService for Sessions {
         let open = open_edit!(call, request);
         let target = call.target_of_edit(&request.session, request.base_revision, &open)?;
         if names_patches(request.change.as_ref()) {
-            let work =
-                move |shared: &Shared, run: &Run<'_>| apply_patch_sizes(shared, run, &target, request).map(|answer| open.keep(answer));
-            return call.compute(Intent::Long, work).await;
+            return call.compute(Intent::Long, move |shared, run| apply_patch_sizes(shared, run, &target, request, open)).await;
         }
-        let apply = || {
-            let change = from_proto::change(&self.0.engine, request.change)?;
-            let revision = target.apply(request.base_revision.map(Revision), &[change])?;
-            Ok(open.keep(v1::ApplyChangeResponse { revision: revision.0 }))
-        };
-        call.finish(apply().map_err(|error: EngineError| error.into()))
+        call.on_disk(move |shared| {
+            let change = from_proto::change(&shared.engine, request.change)?;
+            target.apply(request.base_revision.map(Revision), &[change], open, applied)
+        })
+        .await
     }
 
     async fn undo_change(&self, request: Request<v1::UndoChangeRequest>) -> Result<Response<v1::UndoChangeResponse>, Status> {
@@ -233,9 +242,13 @@ impl SessionService for Sessions {
         let request = request.into_inner();
         let open = open_edit!(call, request);
         let target = call.target_of_edit(&request.session, request.base_revision, &open)?;
-        let stepped = step(&target, request.base_revision, Edit::Undo)
-            .map(|(revision, undo_steps, redo_steps)| open.keep(v1::UndoChangeResponse { revision, undo_steps, redo_steps }));
-        call.finish(stepped.map_err(Into::into))
+        call.on_disk(move |_| {
+            target.edit(request.base_revision.map(Revision), Edit::Undo, open, |made| {
+                let Steps { undo, redo } = made.steps();
+                v1::UndoChangeResponse { revision: made.next.revision.0, undo_steps: undo as u32, redo_steps: redo as u32 }
+            })
+        })
+        .await
     }
 
     async fn redo_change(&self, request: Request<v1::RedoChangeRequest>) -> Result<Response<v1::RedoChangeResponse>, Status> {
@@ -243,9 +256,13 @@ impl SessionService for Sessions {
         let request = request.into_inner();
         let open = open_edit!(call, request);
         let target = call.target_of_edit(&request.session, request.base_revision, &open)?;
-        let stepped = step(&target, request.base_revision, Edit::Redo)
-            .map(|(revision, undo_steps, redo_steps)| open.keep(v1::RedoChangeResponse { revision, undo_steps, redo_steps }));
-        call.finish(stepped.map_err(Into::into))
+        call.on_disk(move |_| {
+            target.edit(request.base_revision.map(Revision), Edit::Redo, open, |made| {
+                let Steps { undo, redo } = made.steps();
+                v1::RedoChangeResponse { revision: made.next.revision.0, undo_steps: undo as u32, redo_steps: redo as u32 }
+            })
+        })
+        .await
     }
 
     type WatchSessionStream = Watch<v1::WatchSessionResponse>;
@@ -254,5 +271,26 @@ impl SessionService for Sessions {
         let call = Call::begin(&self.0, "WatchSession", &request)?;
         let watched = watch(&self.0, &request.into_inner(), call.caller(), call.time_left());
         call.finish(watched)
+    }
+
+    type SnapshotSessionStream = Watch<v1::SnapshotSessionResponse>;
+
+    async fn snapshot_session(
+        &self,
+        request: Request<v1::SnapshotSessionRequest>,
+    ) -> Result<Response<Self::SnapshotSessionStream>, Status> {
+        let call = Call::begin(&self.0, "SnapshotSession", &request)?;
+        let written = transfer::snapshot(&self.0, &request.into_inner().session, call.caller());
+        call.finish(written)
+    }
+
+    async fn restore_session(
+        &self,
+        request: Request<Streaming<v1::RestoreSessionRequest>>,
+    ) -> Result<Response<v1::RestoreSessionResponse>, Status> {
+        let call = Call::begin(&self.0, "RestoreSession", &request)?;
+        let (call, restored) = transfer::restore(call, &self.0, request.into_inner()).await;
+        let response = restored.map(|(session, desk)| v1::RestoreSessionResponse { session: Some(whole(&session, &desk)) });
+        call.finish(response)
     }
 }

@@ -15,6 +15,8 @@ mod edits;
 mod errors;
 #[path = "service/files.rs"]
 mod files;
+#[path = "service/keeping.rs"]
+mod keeping;
 #[path = "service/lifecycle.rs"]
 mod lifecycle;
 #[path = "service/limits.rs"]

@@ -50,7 +50,7 @@ async fn equal_uploads_have_equal_names_and_digests_are_checked() {
     again[0].total_bytes = Some(file.len() as u64);
     again[0].expected_digest = one.blob.strip_prefix("blobs/").expect("name").to_uppercase();
     assert_eq!(upload(&daemon, again.clone()).await.expect("upload"), one);
-    again[0].expected_digest = "00".into();
+    again[0].expected_digest = "00".repeat(32);
     assert_refused(upload(&daemon, again.clone()).await, Code::InvalidArgument, "DIGEST_MISMATCH");
     again[0].total_bytes = Some(3);
     assert_refused(upload(&daemon, again).await, Code::InvalidArgument, "BAD_PARAMETER");
