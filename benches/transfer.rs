@@ -42,7 +42,8 @@ fn start(settings: &[&str]) -> (Child, String) {
 /// User and system CPU seconds, and the peak of the resident memory in MB, of a process.
 fn used(pid: u32) -> (f64, f64) {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
-    let ticks: f64 = stat.rsplit(')').next().unwrap_or_default().split_whitespace().skip(11).take(2).filter_map(|t| t.parse::<f64>().ok()).sum();
+    let ticks: f64 =
+        stat.rsplit(')').next().unwrap_or_default().split_whitespace().skip(11).take(2).filter_map(|t| t.parse::<f64>().ok()).sum();
     let status = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
     let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.split_whitespace().next()?.parse::<f64>().ok());
     (ticks / 100.0, peak.unwrap_or(0.0) / 1024.0)
@@ -91,8 +92,7 @@ async fn measure(settings: &[&str]) {
         }
     }
     for _ in 0..2 {
-        let request =
-            v1::ReadMeshDataRequest { session: session.clone(), source: v1::MeshSource::Input.into(), ..Default::default() };
+        let request = v1::ReadMeshDataRequest { session: session.clone(), source: v1::MeshSource::Input.into(), ..Default::default() };
         let (begin, before) = (Instant::now(), used(pid).0);
         let mut stream = client.meshes().read_mesh_data(request).await.expect("data").into_inner();
         let mut bytes = 0;

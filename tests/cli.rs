@@ -309,6 +309,11 @@ fn a_session_of_a_daemon_step_by_step() {
     has(&["rollback", session, &revision], "with the inputs of");
     let undone = at(&["plan", session, "--json"]).ok();
     assert!(undone.out.contains(r#""runs":0"#), "undo is free: {undone:?}");
+    let future = at(&["rollback", session, "99"]);
+    assert!(future.code == Some(1) && future.err.contains("there is no revision 99 yet"), "{future:?}");
+    assert_eq!(at(&["-q", "set", session, "--triangles", "777"]).ok().out, "");
+    assert_eq!(at(&["-q", "undo", session]).ok().out, "", "quiet verbs say nothing when all is well");
+    assert_eq!(at(&["-q", "redo", session]).ok().out, "");
     has(&["undo", session], "1 redone");
     has(&["redo", session, "--json"], r#""redo_steps":0"#);
     assert_eq!(at(&["redo", session]).code, Some(1), "nothing is undone");

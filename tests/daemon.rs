@@ -73,6 +73,8 @@ fn wrong_settings_are_told_and_end_the_daemon() {
         let (code, message) = run(&arguments);
         assert!(code == Some(2) && message.contains(arguments[1]), "{arguments:?}: {code:?} {message}");
     }
+    let (_, message) = run(&["--max-sessions", "0"]);
+    assert!(message.contains("must be at least 1"), "{message}");
     let (code, message) = run(&["--log", "info,=,"]);
     assert!(code == Some(1) && message.contains("--log"), "{message}");
 }

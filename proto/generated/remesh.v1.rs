@@ -156,10 +156,11 @@ pub struct PlannedStage {
     /// HIT if its output is cached, RUN if it would be computed.
     #[prost(enumeration = "StageOutcome", tag = "3")]
     pub outcome: i32,
-    /// For RUN the mean of what this stage took before, 0 if it never ran; for HIT 0.
+    /// For RUN an estimate, learnt from what the stage took for each face, triangle or curve before, later runs counting more (rates of one
+    /// machine until it has run); for HIT 0.
     #[prost(double, tag = "4")]
     pub estimated_milliseconds: f64,
-    /// For HIT the size of its output in memory.
+    /// Size of its output in memory; for RUN an estimate.
     #[prost(uint64, tag = "5")]
     pub bytes: u64,
 }
@@ -540,6 +541,18 @@ pub struct Limits {
     /// Calls that wait to compute; more are refused.
     #[prost(uint32, tag = "11")]
     pub max_queued: u32,
+    /// Calls of one client that compute or wait to; more are refused. A client is the name of the caller, or its address if it has none.
+    #[prost(uint32, tag = "12")]
+    pub max_jobs_per_client: u32,
+    /// Most sessions of one client.
+    #[prost(uint32, tag = "13")]
+    pub max_sessions_per_client: u32,
+    /// Most faces of the surfaces of all sessions together.
+    #[prost(uint64, tag = "14")]
+    pub max_open_faces: u64,
+    /// Most faces of the surfaces of the sessions of one client together.
+    #[prost(uint64, tag = "15")]
+    pub max_open_faces_per_client: u64,
 }
 /// Response of GetCapabilities.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
@@ -4087,7 +4100,7 @@ pub mod session_service_client {
                 .insert(GrpcMethod::new("remesh.v1.SessionService", "UpdateSession"));
             self.inner.unary(req, path, codec).await
         }
-        /// Ends a session. Work that still runs for it goes on for those who wait for it; cached results stay while there is room.
+        /// Ends a session. Work that still runs for it is cancelled; cached results stay while there is room.
         pub async fn delete_session(
             &mut self,
             request: impl tonic::IntoRequest<super::DeleteSessionRequest>,
@@ -4317,7 +4330,7 @@ pub mod session_service_server {
             tonic::Response<super::UpdateSessionResponse>,
             tonic::Status,
         >;
-        /// Ends a session. Work that still runs for it goes on for those who wait for it; cached results stay while there is room.
+        /// Ends a session. Work that still runs for it is cancelled; cached results stay while there is room.
         async fn delete_session(
             &self,
             request: tonic::Request<super::DeleteSessionRequest>,
@@ -6273,6 +6286,2215 @@ pub mod mesh_service_server {
         const NAME: &'static str = SERVICE_NAME;
     }
 }
+/// Shape and size of the elements of a mesh.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct ShapeQuality {
+    /// Vertices.
+    #[prost(uint64, tag = "1")]
+    pub vertices: u64,
+    /// Triangles.
+    #[prost(uint64, tag = "2")]
+    pub triangles: u64,
+    /// Smallest kappa = 4 sinA sinB sinC / (sinA + sinB + sinC); 1 is equilateral.
+    #[prost(double, tag = "3")]
+    pub kappa_min: f64,
+    /// Mean kappa.
+    #[prost(double, tag = "4")]
+    pub kappa_mean: f64,
+    /// First percentile of kappa.
+    #[prost(double, tag = "5")]
+    pub kappa_p01: f64,
+    /// Counts of kappa in 20 equal bins of \[0, 1\].
+    #[prost(uint64, repeated, tag = "6")]
+    pub kappa_histogram: ::prost::alloc::vec::Vec<u64>,
+    /// Smallest angle.
+    #[prost(double, tag = "7")]
+    pub min_angle: f64,
+    /// Mean over the triangles of their smallest angle.
+    #[prost(double, tag = "8")]
+    pub mean_min_angle: f64,
+    /// Largest angle.
+    #[prost(double, tag = "9")]
+    pub max_angle: f64,
+    /// Equiangle skewness, mean; 0 is best.
+    #[prost(double, tag = "10")]
+    pub skewness_mean: f64,
+    /// Equiangle skewness, largest.
+    #[prost(double, tag = "11")]
+    pub skewness_max: f64,
+    /// Efficiency index in percent: how well edge lengths follow the size field. Not set for the input.
+    #[prost(double, optional, tag = "12")]
+    pub tau: ::core::option::Option<f64>,
+    /// Share of edges whose length over size is in \[1/sqrt 2, sqrt 2\]. Not set for the input.
+    #[prost(double, optional, tag = "13")]
+    pub edge_ratio_ok: ::core::option::Option<f64>,
+}
+/// Shape and size of quadrangles.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct QuadQuality {
+    /// Quadrangles.
+    #[prost(uint64, tag = "1")]
+    pub quads: u64,
+    /// Triangles beside them.
+    #[prost(uint64, tag = "2")]
+    pub triangles: u64,
+    /// Smallest eta = max(1 - 2/pi max |pi/2 - angle|, 0); 1 is a rectangle.
+    #[prost(double, tag = "3")]
+    pub eta_min: f64,
+    /// Mean eta.
+    #[prost(double, tag = "4")]
+    pub eta_mean: f64,
+    /// First percentile of eta.
+    #[prost(double, tag = "5")]
+    pub eta_p01: f64,
+    /// Counts of eta in 20 equal bins of \[0, 1\].
+    #[prost(uint64, repeated, tag = "6")]
+    pub eta_histogram: ::prost::alloc::vec::Vec<u64>,
+    /// Efficiency index in percent over the edges of quadrangles and triangles.
+    #[prost(double, optional, tag = "7")]
+    pub tau: ::core::option::Option<f64>,
+    /// Share of these edges whose length over size is in \[1/sqrt 2, sqrt 2\].
+    #[prost(double, optional, tag = "8")]
+    pub edge_ratio_ok: ::core::option::Option<f64>,
+}
+/// Distances between output and input.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct Fidelity {
+    /// Diagonal of the input's bounding box, to which the distances are relative.
+    #[prost(double, tag = "1")]
+    pub diagonal: f64,
+    /// Largest distance, two-sided, over `diagonal`.
+    #[prost(double, tag = "2")]
+    pub hausdorff_max_rel: f64,
+    /// Root mean square distance over `diagonal`.
+    #[prost(double, tag = "3")]
+    pub hausdorff_rms_rel: f64,
+    /// Largest distance output to input over `diagonal`.
+    #[prost(double, tag = "4")]
+    pub out_to_in_max_rel: f64,
+    /// Largest distance input to output over `diagonal`.
+    #[prost(double, tag = "5")]
+    pub in_to_out_max_rel: f64,
+    /// Largest distance of the boundary curves over `diagonal`; not set if one has no boundary.
+    #[prost(double, optional, tag = "6")]
+    pub boundary_deviation_rel: ::core::option::Option<f64>,
+    /// Output area over input area.
+    #[prost(double, tag = "7")]
+    pub area_ratio: f64,
+}
+/// Two faces that intersect.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct FacePair {
+    /// One face of the result.
+    #[prost(uint32, tag = "1")]
+    pub first: u32,
+    /// The other.
+    #[prost(uint32, tag = "2")]
+    pub second: u32,
+}
+/// Elements of a part of a mesh.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct PartQuality {
+    /// Triangles.
+    #[prost(uint64, tag = "1")]
+    pub triangles: u64,
+    /// Smallest kappa; 1 without triangles.
+    #[prost(double, tag = "2")]
+    pub kappa_min: f64,
+    /// Mean kappa; 0 without triangles.
+    #[prost(double, tag = "3")]
+    pub kappa_mean: f64,
+    /// Share of the triangles with kappa below 0.5.
+    #[prost(double, tag = "4")]
+    pub below_half: f64,
+    /// Share of the triangles with kappa below 0.8.
+    #[prost(double, tag = "5")]
+    pub below_four_fifths: f64,
+    /// Efficiency index in percent over the edges of the part. Not set if it has none.
+    #[prost(double, optional, tag = "6")]
+    pub tau: ::core::option::Option<f64>,
+}
+/// Quality at seams (borders between patches that are no feature) and away from them. A face is at a seam if it touches a vertex of an edge
+/// whose two faces come from different patches.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct SeamSplit {
+    /// Faces at a seam, with their edges.
+    #[prost(message, optional, tag = "1")]
+    pub seam: ::core::option::Option<PartQuality>,
+    /// All other faces and edges.
+    #[prost(message, optional, tag = "2")]
+    pub interior: ::core::option::Option<PartQuality>,
+}
+/// The same before and after the optimisation, which moves or removes the vertices of seams: afterwards the patch of a face is that of the
+/// face it descends from, so that seams are known within about one element.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct SeamQuality {
+    /// Of the patch meshes as joined, each optimised inside already.
+    #[prost(message, optional, tag = "1")]
+    pub before: ::core::option::Option<SeamSplit>,
+    /// Of the result.
+    #[prost(message, optional, tag = "2")]
+    pub after: ::core::option::Option<SeamSplit>,
+}
+/// The quality report.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct QualityReport {
+    /// Elements of the result.
+    #[prost(message, optional, tag = "1")]
+    pub shape: ::core::option::Option<ShapeQuality>,
+    /// Elements of the input.
+    #[prost(message, optional, tag = "2")]
+    pub input_shape: ::core::option::Option<ShapeQuality>,
+    /// Distances; only in the full scope.
+    #[prost(message, optional, tag = "3")]
+    pub fidelity: ::core::option::Option<Fidelity>,
+    /// Topology of the input.
+    #[prost(message, optional, tag = "4")]
+    pub topology_input: ::core::option::Option<TopologyNumbers>,
+    /// Topology of the result.
+    #[prost(message, optional, tag = "5")]
+    pub topology_output: ::core::option::Option<TopologyNumbers>,
+    /// Whether topology is the same and nothing became non-manifold.
+    #[prost(bool, tag = "6")]
+    pub topology_kept: bool,
+    /// Pairs of faces of the result that intersect; only in the full scope.
+    #[prost(uint64, optional, tag = "7")]
+    pub self_intersections: ::core::option::Option<u64>,
+    /// Some of those pairs, at most 100.
+    #[prost(message, repeated, tag = "8")]
+    pub intersecting_pairs: ::prost::alloc::vec::Vec<FacePair>,
+    /// The worst faces by kappa, worst first, at most 20.
+    #[prost(uint32, repeated, tag = "9")]
+    pub worst_faces: ::prost::alloc::vec::Vec<u32>,
+    /// Elements at seams apart from the others; only for results of a session or of RemeshMesh.
+    #[prost(message, optional, tag = "10")]
+    pub seams: ::core::option::Option<SeamQuality>,
+    /// The quadrangles; only if the result has any. `shape` is then of their halves, beside the triangles.
+    #[prost(message, optional, tag = "11")]
+    pub quads: ::core::option::Option<QuadQuality>,
+}
+/// Request of GetQuality.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct GetQualityRequest {
+    /// Required. `sessions/{id}`.
+    #[prost(string, tag = "1")]
+    pub session: ::prost::alloc::string::String,
+    /// ABORTED if the session is at another revision. Not set: whichever is current.
+    #[prost(uint64, optional, tag = "2")]
+    pub expected_revision: ::core::option::Option<u64>,
+    /// What to measure.
+    #[prost(enumeration = "QualityScope", tag = "3")]
+    pub scope: i32,
+}
+/// Response of GetQuality.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct GetQualityResponse {
+    /// The revision.
+    #[prost(uint64, tag = "1")]
+    pub revision: u64,
+    /// The report.
+    #[prost(message, optional, tag = "2")]
+    pub report: ::core::option::Option<QualityReport>,
+    /// What ran.
+    #[prost(message, optional, tag = "3")]
+    pub summary: ::core::option::Option<RunSummary>,
+}
+/// A file and how to read it.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct MeshFile {
+    /// How to read it.
+    #[prost(message, optional, tag = "4")]
+    pub options: ::core::option::Option<ImportOptions>,
+    /// Required. The file.
+    #[prost(oneof = "mesh_file::Source", tags = "1, 2, 3")]
+    pub source: ::core::option::Option<mesh_file::Source>,
+}
+/// Nested message and enum types in `MeshFile`.
+pub mod mesh_file {
+    /// Required. The file.
+    #[derive(Clone, PartialEq, ::prost::Oneof)]
+    pub enum Source {
+        /// An uploaded file, `blobs/{digest}`.
+        #[prost(string, tag = "1")]
+        Blob(::prost::alloc::string::String),
+        /// A small file itself.
+        #[prost(bytes, tag = "2")]
+        Inline(::prost::bytes::Bytes),
+        /// A generated surface.
+        #[prost(message, tag = "3")]
+        Sample(super::SampleSpec),
+    }
+}
+/// Request of CompareMeshes.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct CompareMeshesRequest {
+    /// Required. The mesh to compare with.
+    #[prost(message, optional, tag = "1")]
+    pub input: ::core::option::Option<MeshFile>,
+    /// Required. The mesh to measure.
+    #[prost(message, optional, tag = "2")]
+    pub output: ::core::option::Option<MeshFile>,
+    /// Wanted edge length, for `tau` and `edge_ratio_ok`. Not set: they are not measured.
+    #[prost(double, optional, tag = "3")]
+    pub size: ::core::option::Option<f64>,
+    /// What to measure.
+    #[prost(enumeration = "QualityScope", tag = "4")]
+    pub scope: i32,
+}
+/// Response of CompareMeshes.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct CompareMeshesResponse {
+    /// The report; "result" in its comments is `output`.
+    #[prost(message, optional, tag = "1")]
+    pub report: ::core::option::Option<QualityReport>,
+    /// What ran.
+    #[prost(message, optional, tag = "2")]
+    pub summary: ::core::option::Option<RunSummary>,
+}
+/// What to measure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum QualityScope {
+    /// Everything.
+    Unspecified = 0,
+    /// Shape and size of the elements, and topology.
+    Elements = 1,
+    /// Also distances to the input and self-intersections.
+    Full = 2,
+}
+impl QualityScope {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "QUALITY_SCOPE_UNSPECIFIED",
+            Self::Elements => "QUALITY_SCOPE_ELEMENTS",
+            Self::Full => "QUALITY_SCOPE_FULL",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "QUALITY_SCOPE_UNSPECIFIED" => Some(Self::Unspecified),
+            "QUALITY_SCOPE_ELEMENTS" => Some(Self::Elements),
+            "QUALITY_SCOPE_FULL" => Some(Self::Full),
+            _ => None,
+        }
+    }
+}
+/// Generated client implementations.
+pub mod quality_service_client {
+    #![allow(
+        unused_variables,
+        dead_code,
+        missing_docs,
+        clippy::wildcard_imports,
+        clippy::let_unit_value,
+    )]
+    use tonic::codegen::*;
+    use tonic::codegen::http::Uri;
+    /// The quality of a mesh, measured against another.
+    #[derive(Debug, Clone)]
+    pub struct QualityServiceClient<T> {
+        inner: tonic::client::Grpc<T>,
+    }
+    impl QualityServiceClient<tonic::transport::Channel> {
+        /// Attempt to create a new client by connecting to a given endpoint.
+        pub async fn connect<D>(dst: D) -> Result<Self, tonic::transport::Error>
+        where
+            D: TryInto<tonic::transport::Endpoint>,
+            D::Error: Into<StdError>,
+        {
+            let conn = tonic::transport::Endpoint::new(dst)?.connect().await?;
+            Ok(Self::new(conn))
+        }
+    }
+    impl<T> QualityServiceClient<T>
+    where
+        T: tonic::client::GrpcService<tonic::body::Body>,
+        T::Error: Into<StdError>,
+        T::ResponseBody: Body<Data = Bytes> + std::marker::Send + 'static,
+        <T::ResponseBody as Body>::Error: Into<StdError> + std::marker::Send,
+    {
+        pub fn new(inner: T) -> Self {
+            let inner = tonic::client::Grpc::new(inner);
+            Self { inner }
+        }
+        pub fn with_origin(inner: T, origin: Uri) -> Self {
+            let inner = tonic::client::Grpc::with_origin(inner, origin);
+            Self { inner }
+        }
+        pub fn with_interceptor<F>(
+            inner: T,
+            interceptor: F,
+        ) -> QualityServiceClient<InterceptedService<T, F>>
+        where
+            F: tonic::service::Interceptor,
+            T::ResponseBody: Default,
+            T: tonic::codegen::Service<
+                http::Request<tonic::body::Body>,
+                Response = http::Response<
+                    <T as tonic::client::GrpcService<tonic::body::Body>>::ResponseBody,
+                >,
+            >,
+            <T as tonic::codegen::Service<
+                http::Request<tonic::body::Body>,
+            >>::Error: Into<StdError> + std::marker::Send + std::marker::Sync,
+        {
+            QualityServiceClient::new(InterceptedService::new(inner, interceptor))
+        }
+        /// Compress requests with the given encoding.
+        ///
+        /// This requires the server to support it otherwise it might respond with an
+        /// error.
+        #[must_use]
+        pub fn send_compressed(mut self, encoding: CompressionEncoding) -> Self {
+            self.inner = self.inner.send_compressed(encoding);
+            self
+        }
+        /// Enable decompressing responses.
+        #[must_use]
+        pub fn accept_compressed(mut self, encoding: CompressionEncoding) -> Self {
+            self.inner = self.inner.accept_compressed(encoding);
+            self
+        }
+        /// Limits the maximum size of a decoded message.
+        ///
+        /// Default: `4MB`
+        #[must_use]
+        pub fn max_decoding_message_size(mut self, limit: usize) -> Self {
+            self.inner = self.inner.max_decoding_message_size(limit);
+            self
+        }
+        /// Limits the maximum size of an encoded message.
+        ///
+        /// Default: `usize::MAX`
+        #[must_use]
+        pub fn max_encoding_message_size(mut self, limit: usize) -> Self {
+            self.inner = self.inner.max_encoding_message_size(limit);
+            self
+        }
+        /// Measures the result, which is computed if it is not cached.
+        pub async fn get_quality(
+            &mut self,
+            request: impl tonic::IntoRequest<super::GetQualityRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::GetQualityResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.QualityService/GetQuality",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.QualityService", "GetQuality"));
+            self.inner.unary(req, path, codec).await
+        }
+        /// Measures any file against any other in the same way, without a session: for meshes that other tools made.
+        pub async fn compare_meshes(
+            &mut self,
+            request: impl tonic::IntoRequest<super::CompareMeshesRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::CompareMeshesResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.QualityService/CompareMeshes",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.QualityService", "CompareMeshes"));
+            self.inner.unary(req, path, codec).await
+        }
+    }
+}
+/// Generated server implementations.
+pub mod quality_service_server {
+    #![allow(
+        unused_variables,
+        dead_code,
+        missing_docs,
+        clippy::wildcard_imports,
+        clippy::let_unit_value,
+    )]
+    use tonic::codegen::*;
+    /// Generated trait containing gRPC methods that should be implemented for use with QualityServiceServer.
+    #[async_trait]
+    pub trait QualityService: std::marker::Send + std::marker::Sync + 'static {
+        /// Measures the result, which is computed if it is not cached.
+        async fn get_quality(
+            &self,
+            request: tonic::Request<super::GetQualityRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::GetQualityResponse>,
+            tonic::Status,
+        >;
+        /// Measures any file against any other in the same way, without a session: for meshes that other tools made.
+        async fn compare_meshes(
+            &self,
+            request: tonic::Request<super::CompareMeshesRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::CompareMeshesResponse>,
+            tonic::Status,
+        >;
+    }
+    /// The quality of a mesh, measured against another.
+    #[derive(Debug)]
+    pub struct QualityServiceServer<T> {
+        inner: Arc<T>,
+        accept_compression_encodings: EnabledCompressionEncodings,
+        send_compression_encodings: EnabledCompressionEncodings,
+        max_decoding_message_size: Option<usize>,
+        max_encoding_message_size: Option<usize>,
+    }
+    impl<T> QualityServiceServer<T> {
+        pub fn new(inner: T) -> Self {
+            Self::from_arc(Arc::new(inner))
+        }
+        pub fn from_arc(inner: Arc<T>) -> Self {
+            Self {
+                inner,
+                accept_compression_encodings: Default::default(),
+                send_compression_encodings: Default::default(),
+                max_decoding_message_size: None,
+                max_encoding_message_size: None,
+            }
+        }
+        pub fn with_interceptor<F>(
+            inner: T,
+            interceptor: F,
+        ) -> InterceptedService<Self, F>
+        where
+            F: tonic::service::Interceptor,
+        {
+            InterceptedService::new(Self::new(inner), interceptor)
+        }
+        /// Enable decompressing requests with the given encoding.
+        #[must_use]
+        pub fn accept_compressed(mut self, encoding: CompressionEncoding) -> Self {
+            self.accept_compression_encodings.enable(encoding);
+            self
+        }
+        /// Compress responses with the given encoding, if the client supports it.
+        #[must_use]
+        pub fn send_compressed(mut self, encoding: CompressionEncoding) -> Self {
+            self.send_compression_encodings.enable(encoding);
+            self
+        }
+        /// Limits the maximum size of a decoded message.
+        ///
+        /// Default: `4MB`
+        #[must_use]
+        pub fn max_decoding_message_size(mut self, limit: usize) -> Self {
+            self.max_decoding_message_size = Some(limit);
+            self
+        }
+        /// Limits the maximum size of an encoded message.
+        ///
+        /// Default: `usize::MAX`
+        #[must_use]
+        pub fn max_encoding_message_size(mut self, limit: usize) -> Self {
+            self.max_encoding_message_size = Some(limit);
+            self
+        }
+    }
+    impl<T, B> tonic::codegen::Service<http::Request<B>> for QualityServiceServer<T>
+    where
+        T: QualityService,
+        B: Body + std::marker::Send + 'static,
+        B::Error: Into<StdError> + std::marker::Send + 'static,
+    {
+        type Response = http::Response<tonic::body::Body>;
+        type Error = std::convert::Infallible;
+        type Future = BoxFuture<Self::Response, Self::Error>;
+        fn poll_ready(
+            &mut self,
+            _cx: &mut Context<'_>,
+        ) -> Poll<std::result::Result<(), Self::Error>> {
+            Poll::Ready(Ok(()))
+        }
+        fn call(&mut self, req: http::Request<B>) -> Self::Future {
+            match req.uri().path() {
+                "/remesh.v1.QualityService/GetQuality" => {
+                    #[allow(non_camel_case_types)]
+                    struct GetQualitySvc<T: QualityService>(pub Arc<T>);
+                    impl<
+                        T: QualityService,
+                    > tonic::server::UnaryService<super::GetQualityRequest>
+                    for GetQualitySvc<T> {
+                        type Response = super::GetQualityResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::GetQualityRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as QualityService>::get_quality(&inner, request).await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = GetQualitySvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/remesh.v1.QualityService/CompareMeshes" => {
+                    #[allow(non_camel_case_types)]
+                    struct CompareMeshesSvc<T: QualityService>(pub Arc<T>);
+                    impl<
+                        T: QualityService,
+                    > tonic::server::UnaryService<super::CompareMeshesRequest>
+                    for CompareMeshesSvc<T> {
+                        type Response = super::CompareMeshesResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::CompareMeshesRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as QualityService>::compare_meshes(&inner, request).await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = CompareMeshesSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                _ => {
+                    Box::pin(async move {
+                        let mut response = http::Response::new(
+                            tonic::body::Body::default(),
+                        );
+                        let headers = response.headers_mut();
+                        headers
+                            .insert(
+                                tonic::Status::GRPC_STATUS,
+                                (tonic::Code::Unimplemented as i32).into(),
+                            );
+                        headers
+                            .insert(
+                                http::header::CONTENT_TYPE,
+                                tonic::metadata::GRPC_CONTENT_TYPE,
+                            );
+                        Ok(response)
+                    })
+                }
+            }
+        }
+    }
+    impl<T> Clone for QualityServiceServer<T> {
+        fn clone(&self) -> Self {
+            let inner = self.inner.clone();
+            Self {
+                inner,
+                accept_compression_encodings: self.accept_compression_encodings,
+                send_compression_encodings: self.send_compression_encodings,
+                max_decoding_message_size: self.max_decoding_message_size,
+                max_encoding_message_size: self.max_encoding_message_size,
+            }
+        }
+    }
+    /// Generated gRPC service name
+    pub const SERVICE_NAME: &str = "remesh.v1.QualityService";
+    impl<T> tonic::server::NamedService for QualityServiceServer<T> {
+        const NAME: &'static str = SERVICE_NAME;
+    }
+}
+/// Request of RemeshSurface.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct RemeshSurfaceRequest {
+    /// Required. `sessions/{id}`.
+    #[prost(string, tag = "1")]
+    pub session: ::prost::alloc::string::String,
+    /// ABORTED if the session is at another revision. Not set: whichever is current.
+    #[prost(uint64, optional, tag = "2")]
+    pub expected_revision: ::core::option::Option<u64>,
+    /// Numbers of the patches to mesh, as in ParametrizePatches. Empty: the whole surface, joined and optimised. Otherwise only these
+    /// patches are meshed (they stay cached and conform with their neighbours), and nothing is joined.
+    #[prost(uint32, repeated, tag = "3")]
+    pub patches: ::prost::alloc::vec::Vec<u32>,
+}
+/// The mesh of a patch.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct PatchMeshSummary {
+    /// Number of the patch.
+    #[prost(uint32, tag = "1")]
+    pub patch: u32,
+    /// Vertices of its mesh.
+    #[prost(uint64, tag = "2")]
+    pub vertices: u64,
+    /// Triangles of its mesh.
+    #[prost(uint64, tag = "3")]
+    pub triangles: u64,
+}
+/// A finished remesh.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct RemeshResult {
+    /// The result; not set if patches were listed.
+    #[prost(message, optional, tag = "1")]
+    pub mesh: ::core::option::Option<MeshSummary>,
+    /// The patches, in the order asked for or by number: the listed ones as they were meshed, otherwise those of the result.
+    #[prost(message, repeated, tag = "2")]
+    pub patches: ::prost::alloc::vec::Vec<PatchMeshSummary>,
+    /// Quality of the elements of the result; not set if patches were listed.
+    #[prost(message, optional, tag = "3")]
+    pub shape: ::core::option::Option<ShapeQuality>,
+    /// What ran.
+    #[prost(message, optional, tag = "4")]
+    pub summary: ::core::option::Option<RunSummary>,
+    /// What a user should know of the result: faces that still intersect, far more or fewer triangles than asked for.
+    #[prost(string, repeated, tag = "5")]
+    pub warnings: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
+    /// The quadrangles; only if the result has any.
+    #[prost(message, optional, tag = "6")]
+    pub quads: ::core::option::Option<QuadQuality>,
+}
+/// Response of RemeshSurface: progress, then the result.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct RemeshSurfaceResponse {
+    /// The revision.
+    #[prost(uint64, tag = "1")]
+    pub revision: u64,
+    #[prost(oneof = "remesh_surface_response::Event", tags = "2, 3")]
+    pub event: ::core::option::Option<remesh_surface_response::Event>,
+}
+/// Nested message and enum types in `RemeshSurfaceResponse`.
+pub mod remesh_surface_response {
+    #[derive(Clone, PartialEq, ::prost::Oneof)]
+    pub enum Event {
+        /// How far it is.
+        #[prost(message, tag = "2")]
+        Progress(super::Progress),
+        /// The last message.
+        #[prost(message, tag = "3")]
+        Result(super::RemeshResult),
+    }
+}
+/// Request of PlanRemesh.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct PlanRemeshRequest {
+    /// Required. `sessions/{id}`.
+    #[prost(string, tag = "1")]
+    pub session: ::prost::alloc::string::String,
+    /// ABORTED if the session is at another revision. Not set: whichever is current.
+    #[prost(uint64, optional, tag = "2")]
+    pub expected_revision: ::core::option::Option<u64>,
+    /// With PLAN_GOAL_REMESH: as in RemeshSurfaceRequest.
+    #[prost(uint32, repeated, tag = "3")]
+    pub patches: ::prost::alloc::vec::Vec<u32>,
+    /// Which request is meant.
+    #[prost(enumeration = "PlanGoal", tag = "4")]
+    pub goal: i32,
+}
+/// Response of PlanRemesh.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct PlanRemeshResponse {
+    /// The revision.
+    #[prost(uint64, tag = "1")]
+    pub revision: u64,
+    /// The stages, in the order of the pipeline, as far as they are known: patches and curves of a partition that is not cached
+    /// cannot be listed.
+    #[prost(message, repeated, tag = "2")]
+    pub stages: ::prost::alloc::vec::Vec<PlannedStage>,
+    /// How many are cached.
+    #[prost(uint32, tag = "3")]
+    pub hits: u32,
+    /// How many would run.
+    #[prost(uint32, tag = "4")]
+    pub runs: u32,
+    /// Sum of the estimates: computing time, of which a call with several threads takes less by the clock.
+    #[prost(double, tag = "5")]
+    pub estimated_milliseconds: f64,
+    /// Memory that what runs is estimated to take in the cache.
+    #[prost(uint64, tag = "6")]
+    pub estimated_bytes: u64,
+}
+/// Request of RemeshMesh.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct RemeshMeshRequest {
+    /// How to read it.
+    #[prost(message, optional, tag = "4")]
+    pub import: ::core::option::Option<ImportOptions>,
+    /// Required. Which edge lengths.
+    #[prost(message, optional, tag = "5")]
+    pub size: ::core::option::Option<SizeSpec>,
+    /// Which edges are features.
+    #[prost(message, optional, tag = "6")]
+    pub features: ::core::option::Option<FeatureSpec>,
+    /// How to partition.
+    #[prost(message, optional, tag = "7")]
+    pub partition: ::core::option::Option<PartitionSpec>,
+    /// Which charts.
+    #[prost(message, optional, tag = "8")]
+    pub charts: ::core::option::Option<ChartSpec>,
+    /// Which planar mesher.
+    #[prost(message, optional, tag = "9")]
+    pub mesher: ::core::option::Option<MesherSpec>,
+    /// How to optimise.
+    #[prost(message, optional, tag = "10")]
+    pub optimize: ::core::option::Option<OptimizeSpec>,
+    /// Required. Format of the output.
+    #[prost(enumeration = "MeshFormat", tag = "11")]
+    pub output_format: i32,
+    /// Its variant.
+    #[prost(enumeration = "MeshEncoding", tag = "12")]
+    pub output_encoding: i32,
+    /// What to measure. Default: everything.
+    #[prost(enumeration = "QualityScope", tag = "13")]
+    pub quality: i32,
+    /// Which boundary vertices stay.
+    #[prost(message, optional, tag = "16")]
+    pub lock: ::core::option::Option<LockSpec>,
+    /// The surface. Required.
+    #[prost(oneof = "remesh_mesh_request::Source", tags = "1, 2, 3")]
+    pub source: ::core::option::Option<remesh_mesh_request::Source>,
+}
+/// Nested message and enum types in `RemeshMeshRequest`.
+pub mod remesh_mesh_request {
+    /// The surface. Required.
+    #[derive(Clone, PartialEq, ::prost::Oneof)]
+    pub enum Source {
+        /// A file.
+        #[prost(bytes, tag = "1")]
+        Data(::prost::bytes::Bytes),
+        /// An uploaded file, `blobs/{digest}`.
+        #[prost(string, tag = "2")]
+        Blob(::prost::alloc::string::String),
+        /// A generated surface.
+        #[prost(message, tag = "3")]
+        Sample(super::SampleSpec),
+    }
+}
+/// Response of RemeshMesh.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct RemeshMeshResponse {
+    /// The file.
+    #[prost(bytes = "bytes", tag = "1")]
+    pub data: ::prost::bytes::Bytes,
+    /// What the format could not carry, one sentence each.
+    #[prost(string, repeated, tag = "2")]
+    pub warnings: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
+    /// The numbers of the result.
+    #[prost(message, optional, tag = "3")]
+    pub mesh: ::core::option::Option<MeshSummary>,
+    /// What was done to the input.
+    #[prost(message, optional, tag = "4")]
+    pub report: ::core::option::Option<ImportReport>,
+    /// Quality of the result.
+    #[prost(message, optional, tag = "5")]
+    pub quality: ::core::option::Option<QualityReport>,
+    /// What ran.
+    #[prost(message, optional, tag = "6")]
+    pub summary: ::core::option::Option<RunSummary>,
+}
+/// What a plan is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum PlanGoal {
+    /// RemeshSurface.
+    Unspecified = 0,
+    /// RemeshSurface; of the listed patches, if any are.
+    Remesh = 1,
+    /// PartitionSurface.
+    Partition = 2,
+    /// ParametrizePatches; PlanCharts tells of previews.
+    Charts = 3,
+    /// GetQuality, everything.
+    Quality = 4,
+}
+impl PlanGoal {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "PLAN_GOAL_UNSPECIFIED",
+            Self::Remesh => "PLAN_GOAL_REMESH",
+            Self::Partition => "PLAN_GOAL_PARTITION",
+            Self::Charts => "PLAN_GOAL_CHARTS",
+            Self::Quality => "PLAN_GOAL_QUALITY",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "PLAN_GOAL_UNSPECIFIED" => Some(Self::Unspecified),
+            "PLAN_GOAL_REMESH" => Some(Self::Remesh),
+            "PLAN_GOAL_PARTITION" => Some(Self::Partition),
+            "PLAN_GOAL_CHARTS" => Some(Self::Charts),
+            "PLAN_GOAL_QUALITY" => Some(Self::Quality),
+            _ => None,
+        }
+    }
+}
+/// Generated client implementations.
+pub mod remesh_service_client {
+    #![allow(
+        unused_variables,
+        dead_code,
+        missing_docs,
+        clippy::wildcard_imports,
+        clippy::let_unit_value,
+    )]
+    use tonic::codegen::*;
+    use tonic::codegen::http::Uri;
+    /// Remeshing.
+    #[derive(Debug, Clone)]
+    pub struct RemeshServiceClient<T> {
+        inner: tonic::client::Grpc<T>,
+    }
+    impl RemeshServiceClient<tonic::transport::Channel> {
+        /// Attempt to create a new client by connecting to a given endpoint.
+        pub async fn connect<D>(dst: D) -> Result<Self, tonic::transport::Error>
+        where
+            D: TryInto<tonic::transport::Endpoint>,
+            D::Error: Into<StdError>,
+        {
+            let conn = tonic::transport::Endpoint::new(dst)?.connect().await?;
+            Ok(Self::new(conn))
+        }
+    }
+    impl<T> RemeshServiceClient<T>
+    where
+        T: tonic::client::GrpcService<tonic::body::Body>,
+        T::Error: Into<StdError>,
+        T::ResponseBody: Body<Data = Bytes> + std::marker::Send + 'static,
+        <T::ResponseBody as Body>::Error: Into<StdError> + std::marker::Send,
+    {
+        pub fn new(inner: T) -> Self {
+            let inner = tonic::client::Grpc::new(inner);
+            Self { inner }
+        }
+        pub fn with_origin(inner: T, origin: Uri) -> Self {
+            let inner = tonic::client::Grpc::with_origin(inner, origin);
+            Self { inner }
+        }
+        pub fn with_interceptor<F>(
+            inner: T,
+            interceptor: F,
+        ) -> RemeshServiceClient<InterceptedService<T, F>>
+        where
+            F: tonic::service::Interceptor,
+            T::ResponseBody: Default,
+            T: tonic::codegen::Service<
+                http::Request<tonic::body::Body>,
+                Response = http::Response<
+                    <T as tonic::client::GrpcService<tonic::body::Body>>::ResponseBody,
+                >,
+            >,
+            <T as tonic::codegen::Service<
+                http::Request<tonic::body::Body>,
+            >>::Error: Into<StdError> + std::marker::Send + std::marker::Sync,
+        {
+            RemeshServiceClient::new(InterceptedService::new(inner, interceptor))
+        }
+        /// Compress requests with the given encoding.
+        ///
+        /// This requires the server to support it otherwise it might respond with an
+        /// error.
+        #[must_use]
+        pub fn send_compressed(mut self, encoding: CompressionEncoding) -> Self {
+            self.inner = self.inner.send_compressed(encoding);
+            self
+        }
+        /// Enable decompressing responses.
+        #[must_use]
+        pub fn accept_compressed(mut self, encoding: CompressionEncoding) -> Self {
+            self.inner = self.inner.accept_compressed(encoding);
+            self
+        }
+        /// Limits the maximum size of a decoded message.
+        ///
+        /// Default: `4MB`
+        #[must_use]
+        pub fn max_decoding_message_size(mut self, limit: usize) -> Self {
+            self.inner = self.inner.max_decoding_message_size(limit);
+            self
+        }
+        /// Limits the maximum size of an encoded message.
+        ///
+        /// Default: `usize::MAX`
+        #[must_use]
+        pub fn max_encoding_message_size(mut self, limit: usize) -> Self {
+            self.inner = self.inner.max_encoding_message_size(limit);
+            self
+        }
+        /// Remeshes the surface of a session, or only the listed patches of it. Streams progress, then the result, which stays in the
+        /// session: ExportMesh and ReadMeshData read it. FAILED_PRECONDITION if there is no mesh or size, or if the surface is broken.
+        pub async fn remesh_surface(
+            &mut self,
+            request: impl tonic::IntoRequest<super::RemeshSurfaceRequest>,
+        ) -> std::result::Result<
+            tonic::Response<tonic::codec::Streaming<super::RemeshSurfaceResponse>>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.RemeshService/RemeshSurface",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.RemeshService", "RemeshSurface"));
+            self.inner.server_streaming(req, path, codec).await
+        }
+        /// Tells what a request would find in the cache, what it would have to compute, and about how long and how much memory that would take.
+        /// Computes nothing.
+        pub async fn plan_remesh(
+            &mut self,
+            request: impl tonic::IntoRequest<super::PlanRemeshRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::PlanRemeshResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.RemeshService/PlanRemesh",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.RemeshService", "PlanRemesh"));
+            self.inner.unary(req, path, codec).await
+        }
+        /// One call for scripts: a file in, a file out, no session. For files up to the daemon's `max_inline_bytes` (GetCapabilities);
+        /// beyond that use a session. Equal calls find everything in the cache.
+        pub async fn remesh_mesh(
+            &mut self,
+            request: impl tonic::IntoRequest<super::RemeshMeshRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::RemeshMeshResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.RemeshService/RemeshMesh",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.RemeshService", "RemeshMesh"));
+            self.inner.unary(req, path, codec).await
+        }
+    }
+}
+/// Generated server implementations.
+pub mod remesh_service_server {
+    #![allow(
+        unused_variables,
+        dead_code,
+        missing_docs,
+        clippy::wildcard_imports,
+        clippy::let_unit_value,
+    )]
+    use tonic::codegen::*;
+    /// Generated trait containing gRPC methods that should be implemented for use with RemeshServiceServer.
+    #[async_trait]
+    pub trait RemeshService: std::marker::Send + std::marker::Sync + 'static {
+        /// Server streaming response type for the RemeshSurface method.
+        type RemeshSurfaceStream: tonic::codegen::tokio_stream::Stream<
+                Item = std::result::Result<super::RemeshSurfaceResponse, tonic::Status>,
+            >
+            + std::marker::Send
+            + 'static;
+        /// Remeshes the surface of a session, or only the listed patches of it. Streams progress, then the result, which stays in the
+        /// session: ExportMesh and ReadMeshData read it. FAILED_PRECONDITION if there is no mesh or size, or if the surface is broken.
+        async fn remesh_surface(
+            &self,
+            request: tonic::Request<super::RemeshSurfaceRequest>,
+        ) -> std::result::Result<
+            tonic::Response<Self::RemeshSurfaceStream>,
+            tonic::Status,
+        >;
+        /// Tells what a request would find in the cache, what it would have to compute, and about how long and how much memory that would take.
+        /// Computes nothing.
+        async fn plan_remesh(
+            &self,
+            request: tonic::Request<super::PlanRemeshRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::PlanRemeshResponse>,
+            tonic::Status,
+        >;
+        /// One call for scripts: a file in, a file out, no session. For files up to the daemon's `max_inline_bytes` (GetCapabilities);
+        /// beyond that use a session. Equal calls find everything in the cache.
+        async fn remesh_mesh(
+            &self,
+            request: tonic::Request<super::RemeshMeshRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::RemeshMeshResponse>,
+            tonic::Status,
+        >;
+    }
+    /// Remeshing.
+    #[derive(Debug)]
+    pub struct RemeshServiceServer<T> {
+        inner: Arc<T>,
+        accept_compression_encodings: EnabledCompressionEncodings,
+        send_compression_encodings: EnabledCompressionEncodings,
+        max_decoding_message_size: Option<usize>,
+        max_encoding_message_size: Option<usize>,
+    }
+    impl<T> RemeshServiceServer<T> {
+        pub fn new(inner: T) -> Self {
+            Self::from_arc(Arc::new(inner))
+        }
+        pub fn from_arc(inner: Arc<T>) -> Self {
+            Self {
+                inner,
+                accept_compression_encodings: Default::default(),
+                send_compression_encodings: Default::default(),
+                max_decoding_message_size: None,
+                max_encoding_message_size: None,
+            }
+        }
+        pub fn with_interceptor<F>(
+            inner: T,
+            interceptor: F,
+        ) -> InterceptedService<Self, F>
+        where
+            F: tonic::service::Interceptor,
+        {
+            InterceptedService::new(Self::new(inner), interceptor)
+        }
+        /// Enable decompressing requests with the given encoding.
+        #[must_use]
+        pub fn accept_compressed(mut self, encoding: CompressionEncoding) -> Self {
+            self.accept_compression_encodings.enable(encoding);
+            self
+        }
+        /// Compress responses with the given encoding, if the client supports it.
+        #[must_use]
+        pub fn send_compressed(mut self, encoding: CompressionEncoding) -> Self {
+            self.send_compression_encodings.enable(encoding);
+            self
+        }
+        /// Limits the maximum size of a decoded message.
+        ///
+        /// Default: `4MB`
+        #[must_use]
+        pub fn max_decoding_message_size(mut self, limit: usize) -> Self {
+            self.max_decoding_message_size = Some(limit);
+            self
+        }
+        /// Limits the maximum size of an encoded message.
+        ///
+        /// Default: `usize::MAX`
+        #[must_use]
+        pub fn max_encoding_message_size(mut self, limit: usize) -> Self {
+            self.max_encoding_message_size = Some(limit);
+            self
+        }
+    }
+    impl<T, B> tonic::codegen::Service<http::Request<B>> for RemeshServiceServer<T>
+    where
+        T: RemeshService,
+        B: Body + std::marker::Send + 'static,
+        B::Error: Into<StdError> + std::marker::Send + 'static,
+    {
+        type Response = http::Response<tonic::body::Body>;
+        type Error = std::convert::Infallible;
+        type Future = BoxFuture<Self::Response, Self::Error>;
+        fn poll_ready(
+            &mut self,
+            _cx: &mut Context<'_>,
+        ) -> Poll<std::result::Result<(), Self::Error>> {
+            Poll::Ready(Ok(()))
+        }
+        fn call(&mut self, req: http::Request<B>) -> Self::Future {
+            match req.uri().path() {
+                "/remesh.v1.RemeshService/RemeshSurface" => {
+                    #[allow(non_camel_case_types)]
+                    struct RemeshSurfaceSvc<T: RemeshService>(pub Arc<T>);
+                    impl<
+                        T: RemeshService,
+                    > tonic::server::ServerStreamingService<super::RemeshSurfaceRequest>
+                    for RemeshSurfaceSvc<T> {
+                        type Response = super::RemeshSurfaceResponse;
+                        type ResponseStream = T::RemeshSurfaceStream;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::ResponseStream>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::RemeshSurfaceRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as RemeshService>::remesh_surface(&inner, request).await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = RemeshSurfaceSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.server_streaming(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/remesh.v1.RemeshService/PlanRemesh" => {
+                    #[allow(non_camel_case_types)]
+                    struct PlanRemeshSvc<T: RemeshService>(pub Arc<T>);
+                    impl<
+                        T: RemeshService,
+                    > tonic::server::UnaryService<super::PlanRemeshRequest>
+                    for PlanRemeshSvc<T> {
+                        type Response = super::PlanRemeshResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::PlanRemeshRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as RemeshService>::plan_remesh(&inner, request).await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = PlanRemeshSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/remesh.v1.RemeshService/RemeshMesh" => {
+                    #[allow(non_camel_case_types)]
+                    struct RemeshMeshSvc<T: RemeshService>(pub Arc<T>);
+                    impl<
+                        T: RemeshService,
+                    > tonic::server::UnaryService<super::RemeshMeshRequest>
+                    for RemeshMeshSvc<T> {
+                        type Response = super::RemeshMeshResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::RemeshMeshRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as RemeshService>::remesh_mesh(&inner, request).await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = RemeshMeshSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                _ => {
+                    Box::pin(async move {
+                        let mut response = http::Response::new(
+                            tonic::body::Body::default(),
+                        );
+                        let headers = response.headers_mut();
+                        headers
+                            .insert(
+                                tonic::Status::GRPC_STATUS,
+                                (tonic::Code::Unimplemented as i32).into(),
+                            );
+                        headers
+                            .insert(
+                                http::header::CONTENT_TYPE,
+                                tonic::metadata::GRPC_CONTENT_TYPE,
+                            );
+                        Ok(response)
+                    })
+                }
+            }
+        }
+    }
+    impl<T> Clone for RemeshServiceServer<T> {
+        fn clone(&self) -> Self {
+            let inner = self.inner.clone();
+            Self {
+                inner,
+                accept_compression_encodings: self.accept_compression_encodings,
+                send_compression_encodings: self.send_compression_encodings,
+                max_decoding_message_size: self.max_decoding_message_size,
+                max_encoding_message_size: self.max_encoding_message_size,
+            }
+        }
+    }
+    /// Generated gRPC service name
+    pub const SERVICE_NAME: &str = "remesh.v1.RemeshService";
+    impl<T> tonic::server::NamedService for RemeshServiceServer<T> {
+        const NAME: &'static str = SERVICE_NAME;
+    }
+}
+/// Why an operation did not end well.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct OperationError {
+    /// gRPC status code.
+    #[prost(int32, tag = "1")]
+    pub code: i32,
+    /// Reason as in `google.rpc.ErrorInfo`.
+    #[prost(string, tag = "2")]
+    pub reason: ::prost::alloc::string::String,
+    /// What went wrong.
+    #[prost(string, tag = "3")]
+    pub message: ::prost::alloc::string::String,
+}
+/// Long work.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Operation {
+    /// `sessions/{id}/operations/{number}`.
+    #[prost(string, tag = "1")]
+    pub name: ::prost::alloc::string::String,
+    /// The revision it is about; later edits do not touch it.
+    #[prost(uint64, tag = "2")]
+    pub revision: u64,
+    /// How it stands.
+    #[prost(enumeration = "OperationState", tag = "3")]
+    pub state: i32,
+    /// The latest progress.
+    #[prost(message, optional, tag = "4")]
+    pub progress: ::core::option::Option<Progress>,
+    /// When it was started.
+    #[prost(message, optional, tag = "5")]
+    pub create_time: ::core::option::Option<::prost_types::Timestamp>,
+    /// When it ended; not set while it runs.
+    #[prost(message, optional, tag = "6")]
+    pub end_time: ::core::option::Option<::prost_types::Timestamp>,
+    /// The outcome; not set while it runs.
+    #[prost(oneof = "operation::Outcome", tags = "7, 8, 9")]
+    pub outcome: ::core::option::Option<operation::Outcome>,
+}
+/// Nested message and enum types in `Operation`.
+pub mod operation {
+    /// The outcome; not set while it runs.
+    #[derive(Clone, PartialEq, ::prost::Oneof)]
+    pub enum Outcome {
+        /// Of a remesh. ExportMesh and ReadMeshData read the mesh.
+        #[prost(message, tag = "7")]
+        Remesh(super::RemeshResult),
+        /// Of a measure.
+        #[prost(message, tag = "8")]
+        Quality(super::QualityReport),
+        /// Of work that did not end well.
+        #[prost(message, tag = "9")]
+        Error(super::OperationError),
+    }
+}
+/// A remesh, as RemeshService.RemeshSurface does it.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct RemeshWork {
+    /// As in RemeshSurfaceRequest.
+    #[prost(uint32, repeated, tag = "1")]
+    pub patches: ::prost::alloc::vec::Vec<u32>,
+}
+/// A remesh and its measure, as QualityService.GetQuality does it.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct QualityWork {
+    /// What to measure. Default: everything.
+    #[prost(enumeration = "QualityScope", tag = "1")]
+    pub scope: i32,
+}
+/// Request of StartOperation.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct StartOperationRequest {
+    /// Required. `sessions/{id}`.
+    #[prost(string, tag = "1")]
+    pub session: ::prost::alloc::string::String,
+    /// ABORTED if the session is at another revision. Not set: whichever is current.
+    #[prost(uint64, optional, tag = "2")]
+    pub expected_revision: ::core::option::Option<u64>,
+    /// As in ApplyChangeRequest: a request that comes again with it starts nothing and is answered the same.
+    #[prost(string, tag = "15")]
+    pub request_id: ::prost::alloc::string::String,
+    /// Required. What to do.
+    #[prost(oneof = "start_operation_request::Work", tags = "3, 4")]
+    pub work: ::core::option::Option<start_operation_request::Work>,
+}
+/// Nested message and enum types in `StartOperationRequest`.
+pub mod start_operation_request {
+    /// Required. What to do.
+    #[derive(Clone, PartialEq, Eq, Hash, ::prost::Oneof)]
+    pub enum Work {
+        /// Remesh.
+        #[prost(message, tag = "3")]
+        Remesh(super::RemeshWork),
+        /// Remesh and measure.
+        #[prost(message, tag = "4")]
+        Quality(super::QualityWork),
+    }
+}
+/// Response of StartOperation.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct StartOperationResponse {
+    /// The operation.
+    #[prost(message, optional, tag = "1")]
+    pub operation: ::core::option::Option<Operation>,
+}
+/// Request of GetOperation.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct GetOperationRequest {
+    /// Required. `sessions/{id}/operations/{number}`.
+    #[prost(string, tag = "1")]
+    pub name: ::prost::alloc::string::String,
+}
+/// Response of GetOperation.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct GetOperationResponse {
+    /// The operation.
+    #[prost(message, optional, tag = "1")]
+    pub operation: ::core::option::Option<Operation>,
+}
+/// Request of ListOperations.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct ListOperationsRequest {
+    /// Required. `sessions/{id}`.
+    #[prost(string, tag = "1")]
+    pub session: ::prost::alloc::string::String,
+}
+/// Response of ListOperations.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct ListOperationsResponse {
+    /// The operations.
+    #[prost(message, repeated, tag = "1")]
+    pub operations: ::prost::alloc::vec::Vec<Operation>,
+}
+/// Request of WaitOperation.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct WaitOperationRequest {
+    /// Required. `sessions/{id}/operations/{number}`.
+    #[prost(string, tag = "1")]
+    pub name: ::prost::alloc::string::String,
+    /// How long to wait, at most an hour. Not set: 30 s. The deadline of the call ends it, too.
+    #[prost(message, optional, tag = "2")]
+    pub timeout: ::core::option::Option<::prost_types::Duration>,
+}
+/// Response of WaitOperation.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct WaitOperationResponse {
+    /// The operation; still running if the timeout passed.
+    #[prost(message, optional, tag = "1")]
+    pub operation: ::core::option::Option<Operation>,
+}
+/// Request of CancelOperation.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct CancelOperationRequest {
+    /// Required. `sessions/{id}/operations/{number}`.
+    #[prost(string, tag = "1")]
+    pub name: ::prost::alloc::string::String,
+}
+/// Response of CancelOperation.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct CancelOperationResponse {
+    /// The operation as it stood when it was told to stop.
+    #[prost(message, optional, tag = "1")]
+    pub operation: ::core::option::Option<Operation>,
+}
+/// How an operation stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum OperationState {
+    /// Never sent.
+    Unspecified = 0,
+    /// It computes or waits for its turn.
+    Running = 1,
+    /// It ended well; the result is there.
+    Succeeded = 2,
+    /// It failed; the error is there.
+    Failed = 3,
+    /// It was cancelled, or its session deleted.
+    Cancelled = 4,
+}
+impl OperationState {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "OPERATION_STATE_UNSPECIFIED",
+            Self::Running => "OPERATION_STATE_RUNNING",
+            Self::Succeeded => "OPERATION_STATE_SUCCEEDED",
+            Self::Failed => "OPERATION_STATE_FAILED",
+            Self::Cancelled => "OPERATION_STATE_CANCELLED",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "OPERATION_STATE_UNSPECIFIED" => Some(Self::Unspecified),
+            "OPERATION_STATE_RUNNING" => Some(Self::Running),
+            "OPERATION_STATE_SUCCEEDED" => Some(Self::Succeeded),
+            "OPERATION_STATE_FAILED" => Some(Self::Failed),
+            "OPERATION_STATE_CANCELLED" => Some(Self::Cancelled),
+            _ => None,
+        }
+    }
+}
+/// Generated client implementations.
+pub mod operation_service_client {
+    #![allow(
+        unused_variables,
+        dead_code,
+        missing_docs,
+        clippy::wildcard_imports,
+        clippy::let_unit_value,
+    )]
+    use tonic::codegen::*;
+    use tonic::codegen::http::Uri;
+    /// Long work that outlives the call that started it: a client may go away, come back and ask. Progress of all work, this included, is told
+    /// by SessionService.WatchSession, too.
+    #[derive(Debug, Clone)]
+    pub struct OperationServiceClient<T> {
+        inner: tonic::client::Grpc<T>,
+    }
+    impl OperationServiceClient<tonic::transport::Channel> {
+        /// Attempt to create a new client by connecting to a given endpoint.
+        pub async fn connect<D>(dst: D) -> Result<Self, tonic::transport::Error>
+        where
+            D: TryInto<tonic::transport::Endpoint>,
+            D::Error: Into<StdError>,
+        {
+            let conn = tonic::transport::Endpoint::new(dst)?.connect().await?;
+            Ok(Self::new(conn))
+        }
+    }
+    impl<T> OperationServiceClient<T>
+    where
+        T: tonic::client::GrpcService<tonic::body::Body>,
+        T::Error: Into<StdError>,
+        T::ResponseBody: Body<Data = Bytes> + std::marker::Send + 'static,
+        <T::ResponseBody as Body>::Error: Into<StdError> + std::marker::Send,
+    {
+        pub fn new(inner: T) -> Self {
+            let inner = tonic::client::Grpc::new(inner);
+            Self { inner }
+        }
+        pub fn with_origin(inner: T, origin: Uri) -> Self {
+            let inner = tonic::client::Grpc::with_origin(inner, origin);
+            Self { inner }
+        }
+        pub fn with_interceptor<F>(
+            inner: T,
+            interceptor: F,
+        ) -> OperationServiceClient<InterceptedService<T, F>>
+        where
+            F: tonic::service::Interceptor,
+            T::ResponseBody: Default,
+            T: tonic::codegen::Service<
+                http::Request<tonic::body::Body>,
+                Response = http::Response<
+                    <T as tonic::client::GrpcService<tonic::body::Body>>::ResponseBody,
+                >,
+            >,
+            <T as tonic::codegen::Service<
+                http::Request<tonic::body::Body>,
+            >>::Error: Into<StdError> + std::marker::Send + std::marker::Sync,
+        {
+            OperationServiceClient::new(InterceptedService::new(inner, interceptor))
+        }
+        /// Compress requests with the given encoding.
+        ///
+        /// This requires the server to support it otherwise it might respond with an
+        /// error.
+        #[must_use]
+        pub fn send_compressed(mut self, encoding: CompressionEncoding) -> Self {
+            self.inner = self.inner.send_compressed(encoding);
+            self
+        }
+        /// Enable decompressing responses.
+        #[must_use]
+        pub fn accept_compressed(mut self, encoding: CompressionEncoding) -> Self {
+            self.inner = self.inner.accept_compressed(encoding);
+            self
+        }
+        /// Limits the maximum size of a decoded message.
+        ///
+        /// Default: `4MB`
+        #[must_use]
+        pub fn max_decoding_message_size(mut self, limit: usize) -> Self {
+            self.inner = self.inner.max_decoding_message_size(limit);
+            self
+        }
+        /// Limits the maximum size of an encoded message.
+        ///
+        /// Default: `usize::MAX`
+        #[must_use]
+        pub fn max_encoding_message_size(mut self, limit: usize) -> Self {
+            self.inner = self.inner.max_encoding_message_size(limit);
+            self
+        }
+        /// Starts work on a session at its current revision and answers at once. RESOURCE_EXHAUSTED if the queue is full, or if as many operations
+        /// of the session run as may be.
+        pub async fn start_operation(
+            &mut self,
+            request: impl tonic::IntoRequest<super::StartOperationRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::StartOperationResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.OperationService/StartOperation",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.OperationService", "StartOperation"));
+            self.inner.unary(req, path, codec).await
+        }
+        /// Tells how far an operation is, and its outcome.
+        pub async fn get_operation(
+            &mut self,
+            request: impl tonic::IntoRequest<super::GetOperationRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::GetOperationResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.OperationService/GetOperation",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.OperationService", "GetOperation"));
+            self.inner.unary(req, path, codec).await
+        }
+        /// Lists the operations of a session that are kept: those that run and the last 64 that ended, oldest first, without their results.
+        pub async fn list_operations(
+            &mut self,
+            request: impl tonic::IntoRequest<super::ListOperationsRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::ListOperationsResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.OperationService/ListOperations",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.OperationService", "ListOperations"));
+            self.inner.unary(req, path, codec).await
+        }
+        /// Answers when the operation has ended or the timeout has passed, whichever is first.
+        pub async fn wait_operation(
+            &mut self,
+            request: impl tonic::IntoRequest<super::WaitOperationRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::WaitOperationResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.OperationService/WaitOperation",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("remesh.v1.OperationService", "WaitOperation"));
+            self.inner.unary(req, path, codec).await
+        }
+        /// Stops an operation, at its next checkpoint. One that has ended stays as it is.
+        pub async fn cancel_operation(
+            &mut self,
+            request: impl tonic::IntoRequest<super::CancelOperationRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::CancelOperationResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = tonic_prost::ProstCodec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/remesh.v1.OperationService/CancelOperation",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(
+                    GrpcMethod::new("remesh.v1.OperationService", "CancelOperation"),
+                );
+            self.inner.unary(req, path, codec).await
+        }
+    }
+}
+/// Generated server implementations.
+pub mod operation_service_server {
+    #![allow(
+        unused_variables,
+        dead_code,
+        missing_docs,
+        clippy::wildcard_imports,
+        clippy::let_unit_value,
+    )]
+    use tonic::codegen::*;
+    /// Generated trait containing gRPC methods that should be implemented for use with OperationServiceServer.
+    #[async_trait]
+    pub trait OperationService: std::marker::Send + std::marker::Sync + 'static {
+        /// Starts work on a session at its current revision and answers at once. RESOURCE_EXHAUSTED if the queue is full, or if as many operations
+        /// of the session run as may be.
+        async fn start_operation(
+            &self,
+            request: tonic::Request<super::StartOperationRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::StartOperationResponse>,
+            tonic::Status,
+        >;
+        /// Tells how far an operation is, and its outcome.
+        async fn get_operation(
+            &self,
+            request: tonic::Request<super::GetOperationRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::GetOperationResponse>,
+            tonic::Status,
+        >;
+        /// Lists the operations of a session that are kept: those that run and the last 64 that ended, oldest first, without their results.
+        async fn list_operations(
+            &self,
+            request: tonic::Request<super::ListOperationsRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::ListOperationsResponse>,
+            tonic::Status,
+        >;
+        /// Answers when the operation has ended or the timeout has passed, whichever is first.
+        async fn wait_operation(
+            &self,
+            request: tonic::Request<super::WaitOperationRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::WaitOperationResponse>,
+            tonic::Status,
+        >;
+        /// Stops an operation, at its next checkpoint. One that has ended stays as it is.
+        async fn cancel_operation(
+            &self,
+            request: tonic::Request<super::CancelOperationRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::CancelOperationResponse>,
+            tonic::Status,
+        >;
+    }
+    /// Long work that outlives the call that started it: a client may go away, come back and ask. Progress of all work, this included, is told
+    /// by SessionService.WatchSession, too.
+    #[derive(Debug)]
+    pub struct OperationServiceServer<T> {
+        inner: Arc<T>,
+        accept_compression_encodings: EnabledCompressionEncodings,
+        send_compression_encodings: EnabledCompressionEncodings,
+        max_decoding_message_size: Option<usize>,
+        max_encoding_message_size: Option<usize>,
+    }
+    impl<T> OperationServiceServer<T> {
+        pub fn new(inner: T) -> Self {
+            Self::from_arc(Arc::new(inner))
+        }
+        pub fn from_arc(inner: Arc<T>) -> Self {
+            Self {
+                inner,
+                accept_compression_encodings: Default::default(),
+                send_compression_encodings: Default::default(),
+                max_decoding_message_size: None,
+                max_encoding_message_size: None,
+            }
+        }
+        pub fn with_interceptor<F>(
+            inner: T,
+            interceptor: F,
+        ) -> InterceptedService<Self, F>
+        where
+            F: tonic::service::Interceptor,
+        {
+            InterceptedService::new(Self::new(inner), interceptor)
+        }
+        /// Enable decompressing requests with the given encoding.
+        #[must_use]
+        pub fn accept_compressed(mut self, encoding: CompressionEncoding) -> Self {
+            self.accept_compression_encodings.enable(encoding);
+            self
+        }
+        /// Compress responses with the given encoding, if the client supports it.
+        #[must_use]
+        pub fn send_compressed(mut self, encoding: CompressionEncoding) -> Self {
+            self.send_compression_encodings.enable(encoding);
+            self
+        }
+        /// Limits the maximum size of a decoded message.
+        ///
+        /// Default: `4MB`
+        #[must_use]
+        pub fn max_decoding_message_size(mut self, limit: usize) -> Self {
+            self.max_decoding_message_size = Some(limit);
+            self
+        }
+        /// Limits the maximum size of an encoded message.
+        ///
+        /// Default: `usize::MAX`
+        #[must_use]
+        pub fn max_encoding_message_size(mut self, limit: usize) -> Self {
+            self.max_encoding_message_size = Some(limit);
+            self
+        }
+    }
+    impl<T, B> tonic::codegen::Service<http::Request<B>> for OperationServiceServer<T>
+    where
+        T: OperationService,
+        B: Body + std::marker::Send + 'static,
+        B::Error: Into<StdError> + std::marker::Send + 'static,
+    {
+        type Response = http::Response<tonic::body::Body>;
+        type Error = std::convert::Infallible;
+        type Future = BoxFuture<Self::Response, Self::Error>;
+        fn poll_ready(
+            &mut self,
+            _cx: &mut Context<'_>,
+        ) -> Poll<std::result::Result<(), Self::Error>> {
+            Poll::Ready(Ok(()))
+        }
+        fn call(&mut self, req: http::Request<B>) -> Self::Future {
+            match req.uri().path() {
+                "/remesh.v1.OperationService/StartOperation" => {
+                    #[allow(non_camel_case_types)]
+                    struct StartOperationSvc<T: OperationService>(pub Arc<T>);
+                    impl<
+                        T: OperationService,
+                    > tonic::server::UnaryService<super::StartOperationRequest>
+                    for StartOperationSvc<T> {
+                        type Response = super::StartOperationResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::StartOperationRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as OperationService>::start_operation(&inner, request)
+                                    .await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = StartOperationSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/remesh.v1.OperationService/GetOperation" => {
+                    #[allow(non_camel_case_types)]
+                    struct GetOperationSvc<T: OperationService>(pub Arc<T>);
+                    impl<
+                        T: OperationService,
+                    > tonic::server::UnaryService<super::GetOperationRequest>
+                    for GetOperationSvc<T> {
+                        type Response = super::GetOperationResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::GetOperationRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as OperationService>::get_operation(&inner, request)
+                                    .await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = GetOperationSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/remesh.v1.OperationService/ListOperations" => {
+                    #[allow(non_camel_case_types)]
+                    struct ListOperationsSvc<T: OperationService>(pub Arc<T>);
+                    impl<
+                        T: OperationService,
+                    > tonic::server::UnaryService<super::ListOperationsRequest>
+                    for ListOperationsSvc<T> {
+                        type Response = super::ListOperationsResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::ListOperationsRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as OperationService>::list_operations(&inner, request)
+                                    .await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = ListOperationsSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/remesh.v1.OperationService/WaitOperation" => {
+                    #[allow(non_camel_case_types)]
+                    struct WaitOperationSvc<T: OperationService>(pub Arc<T>);
+                    impl<
+                        T: OperationService,
+                    > tonic::server::UnaryService<super::WaitOperationRequest>
+                    for WaitOperationSvc<T> {
+                        type Response = super::WaitOperationResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::WaitOperationRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as OperationService>::wait_operation(&inner, request)
+                                    .await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = WaitOperationSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/remesh.v1.OperationService/CancelOperation" => {
+                    #[allow(non_camel_case_types)]
+                    struct CancelOperationSvc<T: OperationService>(pub Arc<T>);
+                    impl<
+                        T: OperationService,
+                    > tonic::server::UnaryService<super::CancelOperationRequest>
+                    for CancelOperationSvc<T> {
+                        type Response = super::CancelOperationResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::CancelOperationRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as OperationService>::cancel_operation(&inner, request)
+                                    .await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = CancelOperationSvc(inner);
+                        let codec = tonic_prost::ProstCodec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                _ => {
+                    Box::pin(async move {
+                        let mut response = http::Response::new(
+                            tonic::body::Body::default(),
+                        );
+                        let headers = response.headers_mut();
+                        headers
+                            .insert(
+                                tonic::Status::GRPC_STATUS,
+                                (tonic::Code::Unimplemented as i32).into(),
+                            );
+                        headers
+                            .insert(
+                                http::header::CONTENT_TYPE,
+                                tonic::metadata::GRPC_CONTENT_TYPE,
+                            );
+                        Ok(response)
+                    })
+                }
+            }
+        }
+    }
+    impl<T> Clone for OperationServiceServer<T> {
+        fn clone(&self) -> Self {
+            let inner = self.inner.clone();
+            Self {
+                inner,
+                accept_compression_encodings: self.accept_compression_encodings,
+                send_compression_encodings: self.send_compression_encodings,
+                max_decoding_message_size: self.max_decoding_message_size,
+                max_encoding_message_size: self.max_encoding_message_size,
+            }
+        }
+    }
+    /// Generated gRPC service name
+    pub const SERVICE_NAME: &str = "remesh.v1.OperationService";
+    impl<T> tonic::server::NamedService for OperationServiceServer<T> {
+        const NAME: &'static str = SERVICE_NAME;
+    }
+}
 /// The numbers of one patch.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
 pub struct PatchSummary {
@@ -7475,1333 +9697,6 @@ pub mod partition_service_server {
     /// Generated gRPC service name
     pub const SERVICE_NAME: &str = "remesh.v1.PartitionService";
     impl<T> tonic::server::NamedService for PartitionServiceServer<T> {
-        const NAME: &'static str = SERVICE_NAME;
-    }
-}
-/// Shape and size of the elements of a mesh.
-#[derive(Clone, PartialEq, ::prost::Message)]
-pub struct ShapeQuality {
-    /// Vertices.
-    #[prost(uint64, tag = "1")]
-    pub vertices: u64,
-    /// Triangles.
-    #[prost(uint64, tag = "2")]
-    pub triangles: u64,
-    /// Smallest kappa = 4 sinA sinB sinC / (sinA + sinB + sinC); 1 is equilateral.
-    #[prost(double, tag = "3")]
-    pub kappa_min: f64,
-    /// Mean kappa.
-    #[prost(double, tag = "4")]
-    pub kappa_mean: f64,
-    /// First percentile of kappa.
-    #[prost(double, tag = "5")]
-    pub kappa_p01: f64,
-    /// Counts of kappa in 20 equal bins of \[0, 1\].
-    #[prost(uint64, repeated, tag = "6")]
-    pub kappa_histogram: ::prost::alloc::vec::Vec<u64>,
-    /// Smallest angle.
-    #[prost(double, tag = "7")]
-    pub min_angle: f64,
-    /// Mean over the triangles of their smallest angle.
-    #[prost(double, tag = "8")]
-    pub mean_min_angle: f64,
-    /// Largest angle.
-    #[prost(double, tag = "9")]
-    pub max_angle: f64,
-    /// Equiangle skewness, mean; 0 is best.
-    #[prost(double, tag = "10")]
-    pub skewness_mean: f64,
-    /// Equiangle skewness, largest.
-    #[prost(double, tag = "11")]
-    pub skewness_max: f64,
-    /// Efficiency index in percent: how well edge lengths follow the size field. Not set for the input.
-    #[prost(double, optional, tag = "12")]
-    pub tau: ::core::option::Option<f64>,
-    /// Share of edges whose length over size is in \[1/sqrt 2, sqrt 2\]. Not set for the input.
-    #[prost(double, optional, tag = "13")]
-    pub edge_ratio_ok: ::core::option::Option<f64>,
-}
-/// Shape and size of quadrangles.
-#[derive(Clone, PartialEq, ::prost::Message)]
-pub struct QuadQuality {
-    /// Quadrangles.
-    #[prost(uint64, tag = "1")]
-    pub quads: u64,
-    /// Triangles beside them.
-    #[prost(uint64, tag = "2")]
-    pub triangles: u64,
-    /// Smallest eta = max(1 - 2/pi max |pi/2 - angle|, 0); 1 is a rectangle.
-    #[prost(double, tag = "3")]
-    pub eta_min: f64,
-    /// Mean eta.
-    #[prost(double, tag = "4")]
-    pub eta_mean: f64,
-    /// First percentile of eta.
-    #[prost(double, tag = "5")]
-    pub eta_p01: f64,
-    /// Counts of eta in 20 equal bins of \[0, 1\].
-    #[prost(uint64, repeated, tag = "6")]
-    pub eta_histogram: ::prost::alloc::vec::Vec<u64>,
-    /// Efficiency index in percent over the edges of quadrangles and triangles.
-    #[prost(double, optional, tag = "7")]
-    pub tau: ::core::option::Option<f64>,
-    /// Share of these edges whose length over size is in \[1/sqrt 2, sqrt 2\].
-    #[prost(double, optional, tag = "8")]
-    pub edge_ratio_ok: ::core::option::Option<f64>,
-}
-/// Distances between output and input.
-#[derive(Clone, Copy, PartialEq, ::prost::Message)]
-pub struct Fidelity {
-    /// Diagonal of the input's bounding box, to which the distances are relative.
-    #[prost(double, tag = "1")]
-    pub diagonal: f64,
-    /// Largest distance, two-sided, over `diagonal`.
-    #[prost(double, tag = "2")]
-    pub hausdorff_max_rel: f64,
-    /// Root mean square distance over `diagonal`.
-    #[prost(double, tag = "3")]
-    pub hausdorff_rms_rel: f64,
-    /// Largest distance output to input over `diagonal`.
-    #[prost(double, tag = "4")]
-    pub out_to_in_max_rel: f64,
-    /// Largest distance input to output over `diagonal`.
-    #[prost(double, tag = "5")]
-    pub in_to_out_max_rel: f64,
-    /// Largest distance of the boundary curves over `diagonal`; not set if one has no boundary.
-    #[prost(double, optional, tag = "6")]
-    pub boundary_deviation_rel: ::core::option::Option<f64>,
-    /// Output area over input area.
-    #[prost(double, tag = "7")]
-    pub area_ratio: f64,
-}
-/// Two faces that intersect.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
-pub struct FacePair {
-    /// One face of the result.
-    #[prost(uint32, tag = "1")]
-    pub first: u32,
-    /// The other.
-    #[prost(uint32, tag = "2")]
-    pub second: u32,
-}
-/// Elements of a part of a mesh.
-#[derive(Clone, Copy, PartialEq, ::prost::Message)]
-pub struct PartQuality {
-    /// Triangles.
-    #[prost(uint64, tag = "1")]
-    pub triangles: u64,
-    /// Smallest kappa; 1 without triangles.
-    #[prost(double, tag = "2")]
-    pub kappa_min: f64,
-    /// Mean kappa; 0 without triangles.
-    #[prost(double, tag = "3")]
-    pub kappa_mean: f64,
-    /// Share of the triangles with kappa below 0.5.
-    #[prost(double, tag = "4")]
-    pub below_half: f64,
-    /// Share of the triangles with kappa below 0.8.
-    #[prost(double, tag = "5")]
-    pub below_four_fifths: f64,
-    /// Efficiency index in percent over the edges of the part. Not set if it has none.
-    #[prost(double, optional, tag = "6")]
-    pub tau: ::core::option::Option<f64>,
-}
-/// Quality at seams (borders between patches that are no feature) and away from them. A face is at a seam if it touches a vertex of an edge
-/// whose two faces come from different patches.
-#[derive(Clone, Copy, PartialEq, ::prost::Message)]
-pub struct SeamSplit {
-    /// Faces at a seam, with their edges.
-    #[prost(message, optional, tag = "1")]
-    pub seam: ::core::option::Option<PartQuality>,
-    /// All other faces and edges.
-    #[prost(message, optional, tag = "2")]
-    pub interior: ::core::option::Option<PartQuality>,
-}
-/// The same before and after the optimisation, which moves or removes the vertices of seams: afterwards the patch of a face is that of the
-/// face it descends from, so that seams are known within about one element.
-#[derive(Clone, Copy, PartialEq, ::prost::Message)]
-pub struct SeamQuality {
-    /// Of the patch meshes as joined, each optimised inside already.
-    #[prost(message, optional, tag = "1")]
-    pub before: ::core::option::Option<SeamSplit>,
-    /// Of the result.
-    #[prost(message, optional, tag = "2")]
-    pub after: ::core::option::Option<SeamSplit>,
-}
-/// The quality report.
-#[derive(Clone, PartialEq, ::prost::Message)]
-pub struct QualityReport {
-    /// Elements of the result.
-    #[prost(message, optional, tag = "1")]
-    pub shape: ::core::option::Option<ShapeQuality>,
-    /// Elements of the input.
-    #[prost(message, optional, tag = "2")]
-    pub input_shape: ::core::option::Option<ShapeQuality>,
-    /// Distances; only in the full scope.
-    #[prost(message, optional, tag = "3")]
-    pub fidelity: ::core::option::Option<Fidelity>,
-    /// Topology of the input.
-    #[prost(message, optional, tag = "4")]
-    pub topology_input: ::core::option::Option<TopologyNumbers>,
-    /// Topology of the result.
-    #[prost(message, optional, tag = "5")]
-    pub topology_output: ::core::option::Option<TopologyNumbers>,
-    /// Whether topology is the same and nothing became non-manifold.
-    #[prost(bool, tag = "6")]
-    pub topology_kept: bool,
-    /// Pairs of faces of the result that intersect; only in the full scope.
-    #[prost(uint64, optional, tag = "7")]
-    pub self_intersections: ::core::option::Option<u64>,
-    /// Some of those pairs, at most 100.
-    #[prost(message, repeated, tag = "8")]
-    pub intersecting_pairs: ::prost::alloc::vec::Vec<FacePair>,
-    /// The worst faces by kappa, worst first, at most 20.
-    #[prost(uint32, repeated, tag = "9")]
-    pub worst_faces: ::prost::alloc::vec::Vec<u32>,
-    /// Elements at seams apart from the others; only for results of a session or of RemeshMesh.
-    #[prost(message, optional, tag = "10")]
-    pub seams: ::core::option::Option<SeamQuality>,
-    /// The quadrangles; only if the result has any. `shape` is then of their halves, beside the triangles.
-    #[prost(message, optional, tag = "11")]
-    pub quads: ::core::option::Option<QuadQuality>,
-}
-/// Request of GetQuality.
-#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
-pub struct GetQualityRequest {
-    /// Required. `sessions/{id}`.
-    #[prost(string, tag = "1")]
-    pub session: ::prost::alloc::string::String,
-    /// ABORTED if the session is at another revision. Not set: whichever is current.
-    #[prost(uint64, optional, tag = "2")]
-    pub expected_revision: ::core::option::Option<u64>,
-    /// What to measure.
-    #[prost(enumeration = "QualityScope", tag = "3")]
-    pub scope: i32,
-}
-/// Response of GetQuality.
-#[derive(Clone, PartialEq, ::prost::Message)]
-pub struct GetQualityResponse {
-    /// The revision.
-    #[prost(uint64, tag = "1")]
-    pub revision: u64,
-    /// The report.
-    #[prost(message, optional, tag = "2")]
-    pub report: ::core::option::Option<QualityReport>,
-    /// What ran.
-    #[prost(message, optional, tag = "3")]
-    pub summary: ::core::option::Option<RunSummary>,
-}
-/// A file and how to read it.
-#[derive(Clone, PartialEq, ::prost::Message)]
-pub struct MeshFile {
-    /// How to read it.
-    #[prost(message, optional, tag = "4")]
-    pub options: ::core::option::Option<ImportOptions>,
-    /// Required. The file.
-    #[prost(oneof = "mesh_file::Source", tags = "1, 2, 3")]
-    pub source: ::core::option::Option<mesh_file::Source>,
-}
-/// Nested message and enum types in `MeshFile`.
-pub mod mesh_file {
-    /// Required. The file.
-    #[derive(Clone, PartialEq, ::prost::Oneof)]
-    pub enum Source {
-        /// An uploaded file, `blobs/{digest}`.
-        #[prost(string, tag = "1")]
-        Blob(::prost::alloc::string::String),
-        /// A small file itself.
-        #[prost(bytes, tag = "2")]
-        Inline(::prost::bytes::Bytes),
-        /// A generated surface.
-        #[prost(message, tag = "3")]
-        Sample(super::SampleSpec),
-    }
-}
-/// Request of CompareMeshes.
-#[derive(Clone, PartialEq, ::prost::Message)]
-pub struct CompareMeshesRequest {
-    /// Required. The mesh to compare with.
-    #[prost(message, optional, tag = "1")]
-    pub input: ::core::option::Option<MeshFile>,
-    /// Required. The mesh to measure.
-    #[prost(message, optional, tag = "2")]
-    pub output: ::core::option::Option<MeshFile>,
-    /// Wanted edge length, for `tau` and `edge_ratio_ok`. Not set: they are not measured.
-    #[prost(double, optional, tag = "3")]
-    pub size: ::core::option::Option<f64>,
-    /// What to measure.
-    #[prost(enumeration = "QualityScope", tag = "4")]
-    pub scope: i32,
-}
-/// Response of CompareMeshes.
-#[derive(Clone, PartialEq, ::prost::Message)]
-pub struct CompareMeshesResponse {
-    /// The report; "result" in its comments is `output`.
-    #[prost(message, optional, tag = "1")]
-    pub report: ::core::option::Option<QualityReport>,
-    /// What ran.
-    #[prost(message, optional, tag = "2")]
-    pub summary: ::core::option::Option<RunSummary>,
-}
-/// What to measure.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
-#[repr(i32)]
-pub enum QualityScope {
-    /// Everything.
-    Unspecified = 0,
-    /// Shape and size of the elements, and topology.
-    Elements = 1,
-    /// Also distances to the input and self-intersections.
-    Full = 2,
-}
-impl QualityScope {
-    /// String value of the enum field names used in the ProtoBuf definition.
-    ///
-    /// The values are not transformed in any way and thus are considered stable
-    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
-    pub fn as_str_name(&self) -> &'static str {
-        match self {
-            Self::Unspecified => "QUALITY_SCOPE_UNSPECIFIED",
-            Self::Elements => "QUALITY_SCOPE_ELEMENTS",
-            Self::Full => "QUALITY_SCOPE_FULL",
-        }
-    }
-    /// Creates an enum from field names used in the ProtoBuf definition.
-    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
-        match value {
-            "QUALITY_SCOPE_UNSPECIFIED" => Some(Self::Unspecified),
-            "QUALITY_SCOPE_ELEMENTS" => Some(Self::Elements),
-            "QUALITY_SCOPE_FULL" => Some(Self::Full),
-            _ => None,
-        }
-    }
-}
-/// Generated client implementations.
-pub mod quality_service_client {
-    #![allow(
-        unused_variables,
-        dead_code,
-        missing_docs,
-        clippy::wildcard_imports,
-        clippy::let_unit_value,
-    )]
-    use tonic::codegen::*;
-    use tonic::codegen::http::Uri;
-    /// The quality of a mesh, measured against another.
-    #[derive(Debug, Clone)]
-    pub struct QualityServiceClient<T> {
-        inner: tonic::client::Grpc<T>,
-    }
-    impl QualityServiceClient<tonic::transport::Channel> {
-        /// Attempt to create a new client by connecting to a given endpoint.
-        pub async fn connect<D>(dst: D) -> Result<Self, tonic::transport::Error>
-        where
-            D: TryInto<tonic::transport::Endpoint>,
-            D::Error: Into<StdError>,
-        {
-            let conn = tonic::transport::Endpoint::new(dst)?.connect().await?;
-            Ok(Self::new(conn))
-        }
-    }
-    impl<T> QualityServiceClient<T>
-    where
-        T: tonic::client::GrpcService<tonic::body::Body>,
-        T::Error: Into<StdError>,
-        T::ResponseBody: Body<Data = Bytes> + std::marker::Send + 'static,
-        <T::ResponseBody as Body>::Error: Into<StdError> + std::marker::Send,
-    {
-        pub fn new(inner: T) -> Self {
-            let inner = tonic::client::Grpc::new(inner);
-            Self { inner }
-        }
-        pub fn with_origin(inner: T, origin: Uri) -> Self {
-            let inner = tonic::client::Grpc::with_origin(inner, origin);
-            Self { inner }
-        }
-        pub fn with_interceptor<F>(
-            inner: T,
-            interceptor: F,
-        ) -> QualityServiceClient<InterceptedService<T, F>>
-        where
-            F: tonic::service::Interceptor,
-            T::ResponseBody: Default,
-            T: tonic::codegen::Service<
-                http::Request<tonic::body::Body>,
-                Response = http::Response<
-                    <T as tonic::client::GrpcService<tonic::body::Body>>::ResponseBody,
-                >,
-            >,
-            <T as tonic::codegen::Service<
-                http::Request<tonic::body::Body>,
-            >>::Error: Into<StdError> + std::marker::Send + std::marker::Sync,
-        {
-            QualityServiceClient::new(InterceptedService::new(inner, interceptor))
-        }
-        /// Compress requests with the given encoding.
-        ///
-        /// This requires the server to support it otherwise it might respond with an
-        /// error.
-        #[must_use]
-        pub fn send_compressed(mut self, encoding: CompressionEncoding) -> Self {
-            self.inner = self.inner.send_compressed(encoding);
-            self
-        }
-        /// Enable decompressing responses.
-        #[must_use]
-        pub fn accept_compressed(mut self, encoding: CompressionEncoding) -> Self {
-            self.inner = self.inner.accept_compressed(encoding);
-            self
-        }
-        /// Limits the maximum size of a decoded message.
-        ///
-        /// Default: `4MB`
-        #[must_use]
-        pub fn max_decoding_message_size(mut self, limit: usize) -> Self {
-            self.inner = self.inner.max_decoding_message_size(limit);
-            self
-        }
-        /// Limits the maximum size of an encoded message.
-        ///
-        /// Default: `usize::MAX`
-        #[must_use]
-        pub fn max_encoding_message_size(mut self, limit: usize) -> Self {
-            self.inner = self.inner.max_encoding_message_size(limit);
-            self
-        }
-        /// Measures the result, which is computed if it is not cached.
-        pub async fn get_quality(
-            &mut self,
-            request: impl tonic::IntoRequest<super::GetQualityRequest>,
-        ) -> std::result::Result<
-            tonic::Response<super::GetQualityResponse>,
-            tonic::Status,
-        > {
-            self.inner
-                .ready()
-                .await
-                .map_err(|e| {
-                    tonic::Status::unknown(
-                        format!("Service was not ready: {}", e.into()),
-                    )
-                })?;
-            let codec = tonic_prost::ProstCodec::default();
-            let path = http::uri::PathAndQuery::from_static(
-                "/remesh.v1.QualityService/GetQuality",
-            );
-            let mut req = request.into_request();
-            req.extensions_mut()
-                .insert(GrpcMethod::new("remesh.v1.QualityService", "GetQuality"));
-            self.inner.unary(req, path, codec).await
-        }
-        /// Measures any file against any other in the same way, without a session: for meshes that other tools made.
-        pub async fn compare_meshes(
-            &mut self,
-            request: impl tonic::IntoRequest<super::CompareMeshesRequest>,
-        ) -> std::result::Result<
-            tonic::Response<super::CompareMeshesResponse>,
-            tonic::Status,
-        > {
-            self.inner
-                .ready()
-                .await
-                .map_err(|e| {
-                    tonic::Status::unknown(
-                        format!("Service was not ready: {}", e.into()),
-                    )
-                })?;
-            let codec = tonic_prost::ProstCodec::default();
-            let path = http::uri::PathAndQuery::from_static(
-                "/remesh.v1.QualityService/CompareMeshes",
-            );
-            let mut req = request.into_request();
-            req.extensions_mut()
-                .insert(GrpcMethod::new("remesh.v1.QualityService", "CompareMeshes"));
-            self.inner.unary(req, path, codec).await
-        }
-    }
-}
-/// Generated server implementations.
-pub mod quality_service_server {
-    #![allow(
-        unused_variables,
-        dead_code,
-        missing_docs,
-        clippy::wildcard_imports,
-        clippy::let_unit_value,
-    )]
-    use tonic::codegen::*;
-    /// Generated trait containing gRPC methods that should be implemented for use with QualityServiceServer.
-    #[async_trait]
-    pub trait QualityService: std::marker::Send + std::marker::Sync + 'static {
-        /// Measures the result, which is computed if it is not cached.
-        async fn get_quality(
-            &self,
-            request: tonic::Request<super::GetQualityRequest>,
-        ) -> std::result::Result<
-            tonic::Response<super::GetQualityResponse>,
-            tonic::Status,
-        >;
-        /// Measures any file against any other in the same way, without a session: for meshes that other tools made.
-        async fn compare_meshes(
-            &self,
-            request: tonic::Request<super::CompareMeshesRequest>,
-        ) -> std::result::Result<
-            tonic::Response<super::CompareMeshesResponse>,
-            tonic::Status,
-        >;
-    }
-    /// The quality of a mesh, measured against another.
-    #[derive(Debug)]
-    pub struct QualityServiceServer<T> {
-        inner: Arc<T>,
-        accept_compression_encodings: EnabledCompressionEncodings,
-        send_compression_encodings: EnabledCompressionEncodings,
-        max_decoding_message_size: Option<usize>,
-        max_encoding_message_size: Option<usize>,
-    }
-    impl<T> QualityServiceServer<T> {
-        pub fn new(inner: T) -> Self {
-            Self::from_arc(Arc::new(inner))
-        }
-        pub fn from_arc(inner: Arc<T>) -> Self {
-            Self {
-                inner,
-                accept_compression_encodings: Default::default(),
-                send_compression_encodings: Default::default(),
-                max_decoding_message_size: None,
-                max_encoding_message_size: None,
-            }
-        }
-        pub fn with_interceptor<F>(
-            inner: T,
-            interceptor: F,
-        ) -> InterceptedService<Self, F>
-        where
-            F: tonic::service::Interceptor,
-        {
-            InterceptedService::new(Self::new(inner), interceptor)
-        }
-        /// Enable decompressing requests with the given encoding.
-        #[must_use]
-        pub fn accept_compressed(mut self, encoding: CompressionEncoding) -> Self {
-            self.accept_compression_encodings.enable(encoding);
-            self
-        }
-        /// Compress responses with the given encoding, if the client supports it.
-        #[must_use]
-        pub fn send_compressed(mut self, encoding: CompressionEncoding) -> Self {
-            self.send_compression_encodings.enable(encoding);
-            self
-        }
-        /// Limits the maximum size of a decoded message.
-        ///
-        /// Default: `4MB`
-        #[must_use]
-        pub fn max_decoding_message_size(mut self, limit: usize) -> Self {
-            self.max_decoding_message_size = Some(limit);
-            self
-        }
-        /// Limits the maximum size of an encoded message.
-        ///
-        /// Default: `usize::MAX`
-        #[must_use]
-        pub fn max_encoding_message_size(mut self, limit: usize) -> Self {
-            self.max_encoding_message_size = Some(limit);
-            self
-        }
-    }
-    impl<T, B> tonic::codegen::Service<http::Request<B>> for QualityServiceServer<T>
-    where
-        T: QualityService,
-        B: Body + std::marker::Send + 'static,
-        B::Error: Into<StdError> + std::marker::Send + 'static,
-    {
-        type Response = http::Response<tonic::body::Body>;
-        type Error = std::convert::Infallible;
-        type Future = BoxFuture<Self::Response, Self::Error>;
-        fn poll_ready(
-            &mut self,
-            _cx: &mut Context<'_>,
-        ) -> Poll<std::result::Result<(), Self::Error>> {
-            Poll::Ready(Ok(()))
-        }
-        fn call(&mut self, req: http::Request<B>) -> Self::Future {
-            match req.uri().path() {
-                "/remesh.v1.QualityService/GetQuality" => {
-                    #[allow(non_camel_case_types)]
-                    struct GetQualitySvc<T: QualityService>(pub Arc<T>);
-                    impl<
-                        T: QualityService,
-                    > tonic::server::UnaryService<super::GetQualityRequest>
-                    for GetQualitySvc<T> {
-                        type Response = super::GetQualityResponse;
-                        type Future = BoxFuture<
-                            tonic::Response<Self::Response>,
-                            tonic::Status,
-                        >;
-                        fn call(
-                            &mut self,
-                            request: tonic::Request<super::GetQualityRequest>,
-                        ) -> Self::Future {
-                            let inner = Arc::clone(&self.0);
-                            let fut = async move {
-                                <T as QualityService>::get_quality(&inner, request).await
-                            };
-                            Box::pin(fut)
-                        }
-                    }
-                    let accept_compression_encodings = self.accept_compression_encodings;
-                    let send_compression_encodings = self.send_compression_encodings;
-                    let max_decoding_message_size = self.max_decoding_message_size;
-                    let max_encoding_message_size = self.max_encoding_message_size;
-                    let inner = self.inner.clone();
-                    let fut = async move {
-                        let method = GetQualitySvc(inner);
-                        let codec = tonic_prost::ProstCodec::default();
-                        let mut grpc = tonic::server::Grpc::new(codec)
-                            .apply_compression_config(
-                                accept_compression_encodings,
-                                send_compression_encodings,
-                            )
-                            .apply_max_message_size_config(
-                                max_decoding_message_size,
-                                max_encoding_message_size,
-                            );
-                        let res = grpc.unary(method, req).await;
-                        Ok(res)
-                    };
-                    Box::pin(fut)
-                }
-                "/remesh.v1.QualityService/CompareMeshes" => {
-                    #[allow(non_camel_case_types)]
-                    struct CompareMeshesSvc<T: QualityService>(pub Arc<T>);
-                    impl<
-                        T: QualityService,
-                    > tonic::server::UnaryService<super::CompareMeshesRequest>
-                    for CompareMeshesSvc<T> {
-                        type Response = super::CompareMeshesResponse;
-                        type Future = BoxFuture<
-                            tonic::Response<Self::Response>,
-                            tonic::Status,
-                        >;
-                        fn call(
-                            &mut self,
-                            request: tonic::Request<super::CompareMeshesRequest>,
-                        ) -> Self::Future {
-                            let inner = Arc::clone(&self.0);
-                            let fut = async move {
-                                <T as QualityService>::compare_meshes(&inner, request).await
-                            };
-                            Box::pin(fut)
-                        }
-                    }
-                    let accept_compression_encodings = self.accept_compression_encodings;
-                    let send_compression_encodings = self.send_compression_encodings;
-                    let max_decoding_message_size = self.max_decoding_message_size;
-                    let max_encoding_message_size = self.max_encoding_message_size;
-                    let inner = self.inner.clone();
-                    let fut = async move {
-                        let method = CompareMeshesSvc(inner);
-                        let codec = tonic_prost::ProstCodec::default();
-                        let mut grpc = tonic::server::Grpc::new(codec)
-                            .apply_compression_config(
-                                accept_compression_encodings,
-                                send_compression_encodings,
-                            )
-                            .apply_max_message_size_config(
-                                max_decoding_message_size,
-                                max_encoding_message_size,
-                            );
-                        let res = grpc.unary(method, req).await;
-                        Ok(res)
-                    };
-                    Box::pin(fut)
-                }
-                _ => {
-                    Box::pin(async move {
-                        let mut response = http::Response::new(
-                            tonic::body::Body::default(),
-                        );
-                        let headers = response.headers_mut();
-                        headers
-                            .insert(
-                                tonic::Status::GRPC_STATUS,
-                                (tonic::Code::Unimplemented as i32).into(),
-                            );
-                        headers
-                            .insert(
-                                http::header::CONTENT_TYPE,
-                                tonic::metadata::GRPC_CONTENT_TYPE,
-                            );
-                        Ok(response)
-                    })
-                }
-            }
-        }
-    }
-    impl<T> Clone for QualityServiceServer<T> {
-        fn clone(&self) -> Self {
-            let inner = self.inner.clone();
-            Self {
-                inner,
-                accept_compression_encodings: self.accept_compression_encodings,
-                send_compression_encodings: self.send_compression_encodings,
-                max_decoding_message_size: self.max_decoding_message_size,
-                max_encoding_message_size: self.max_encoding_message_size,
-            }
-        }
-    }
-    /// Generated gRPC service name
-    pub const SERVICE_NAME: &str = "remesh.v1.QualityService";
-    impl<T> tonic::server::NamedService for QualityServiceServer<T> {
-        const NAME: &'static str = SERVICE_NAME;
-    }
-}
-/// Request of RemeshSurface.
-#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
-pub struct RemeshSurfaceRequest {
-    /// Required. `sessions/{id}`.
-    #[prost(string, tag = "1")]
-    pub session: ::prost::alloc::string::String,
-    /// ABORTED if the session is at another revision. Not set: whichever is current.
-    #[prost(uint64, optional, tag = "2")]
-    pub expected_revision: ::core::option::Option<u64>,
-    /// Numbers of the patches to mesh, as in ParametrizePatches. Empty: the whole surface, joined and optimised. Otherwise only these
-    /// patches are meshed (they stay cached and conform with their neighbours), and nothing is joined.
-    #[prost(uint32, repeated, tag = "3")]
-    pub patches: ::prost::alloc::vec::Vec<u32>,
-}
-/// The mesh of a patch.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
-pub struct PatchMeshSummary {
-    /// Number of the patch.
-    #[prost(uint32, tag = "1")]
-    pub patch: u32,
-    /// Vertices of its mesh.
-    #[prost(uint64, tag = "2")]
-    pub vertices: u64,
-    /// Triangles of its mesh.
-    #[prost(uint64, tag = "3")]
-    pub triangles: u64,
-}
-/// A finished remesh.
-#[derive(Clone, PartialEq, ::prost::Message)]
-pub struct RemeshResult {
-    /// The result; not set if patches were listed.
-    #[prost(message, optional, tag = "1")]
-    pub mesh: ::core::option::Option<MeshSummary>,
-    /// The patches, in the order asked for or by number: the listed ones as they were meshed, otherwise those of the result.
-    #[prost(message, repeated, tag = "2")]
-    pub patches: ::prost::alloc::vec::Vec<PatchMeshSummary>,
-    /// Quality of the elements of the result; not set if patches were listed.
-    #[prost(message, optional, tag = "3")]
-    pub shape: ::core::option::Option<ShapeQuality>,
-    /// What ran.
-    #[prost(message, optional, tag = "4")]
-    pub summary: ::core::option::Option<RunSummary>,
-    /// What a user should know of the result: faces that still intersect, far more or fewer triangles than asked for.
-    #[prost(string, repeated, tag = "5")]
-    pub warnings: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
-    /// The quadrangles; only if the result has any.
-    #[prost(message, optional, tag = "6")]
-    pub quads: ::core::option::Option<QuadQuality>,
-}
-/// Response of RemeshSurface: progress, then the result.
-#[derive(Clone, PartialEq, ::prost::Message)]
-pub struct RemeshSurfaceResponse {
-    /// The revision.
-    #[prost(uint64, tag = "1")]
-    pub revision: u64,
-    #[prost(oneof = "remesh_surface_response::Event", tags = "2, 3")]
-    pub event: ::core::option::Option<remesh_surface_response::Event>,
-}
-/// Nested message and enum types in `RemeshSurfaceResponse`.
-pub mod remesh_surface_response {
-    #[derive(Clone, PartialEq, ::prost::Oneof)]
-    pub enum Event {
-        /// How far it is.
-        #[prost(message, tag = "2")]
-        Progress(super::Progress),
-        /// The last message.
-        #[prost(message, tag = "3")]
-        Result(super::RemeshResult),
-    }
-}
-/// Request of PlanRemesh.
-#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
-pub struct PlanRemeshRequest {
-    /// Required. `sessions/{id}`.
-    #[prost(string, tag = "1")]
-    pub session: ::prost::alloc::string::String,
-    /// ABORTED if the session is at another revision. Not set: whichever is current.
-    #[prost(uint64, optional, tag = "2")]
-    pub expected_revision: ::core::option::Option<u64>,
-}
-/// Response of PlanRemesh.
-#[derive(Clone, PartialEq, ::prost::Message)]
-pub struct PlanRemeshResponse {
-    /// The revision.
-    #[prost(uint64, tag = "1")]
-    pub revision: u64,
-    /// The stages, in the order of the pipeline, as far as they are known: patches and curves of a partition that is not cached
-    /// cannot be listed.
-    #[prost(message, repeated, tag = "2")]
-    pub stages: ::prost::alloc::vec::Vec<PlannedStage>,
-    /// How many are cached.
-    #[prost(uint32, tag = "3")]
-    pub hits: u32,
-    /// How many would run.
-    #[prost(uint32, tag = "4")]
-    pub runs: u32,
-    /// Sum of the estimates.
-    #[prost(double, tag = "5")]
-    pub estimated_milliseconds: f64,
-}
-/// Request of RemeshMesh.
-#[derive(Clone, PartialEq, ::prost::Message)]
-pub struct RemeshMeshRequest {
-    /// How to read it.
-    #[prost(message, optional, tag = "4")]
-    pub import: ::core::option::Option<ImportOptions>,
-    /// Required. Which edge lengths.
-    #[prost(message, optional, tag = "5")]
-    pub size: ::core::option::Option<SizeSpec>,
-    /// Which edges are features.
-    #[prost(message, optional, tag = "6")]
-    pub features: ::core::option::Option<FeatureSpec>,
-    /// How to partition.
-    #[prost(message, optional, tag = "7")]
-    pub partition: ::core::option::Option<PartitionSpec>,
-    /// Which charts.
-    #[prost(message, optional, tag = "8")]
-    pub charts: ::core::option::Option<ChartSpec>,
-    /// Which planar mesher.
-    #[prost(message, optional, tag = "9")]
-    pub mesher: ::core::option::Option<MesherSpec>,
-    /// How to optimise.
-    #[prost(message, optional, tag = "10")]
-    pub optimize: ::core::option::Option<OptimizeSpec>,
-    /// Required. Format of the output.
-    #[prost(enumeration = "MeshFormat", tag = "11")]
-    pub output_format: i32,
-    /// Its variant.
-    #[prost(enumeration = "MeshEncoding", tag = "12")]
-    pub output_encoding: i32,
-    /// What to measure. Default: everything.
-    #[prost(enumeration = "QualityScope", tag = "13")]
-    pub quality: i32,
-    /// Which boundary vertices stay.
-    #[prost(message, optional, tag = "16")]
-    pub lock: ::core::option::Option<LockSpec>,
-    /// The surface. Required.
-    #[prost(oneof = "remesh_mesh_request::Source", tags = "1, 2, 3")]
-    pub source: ::core::option::Option<remesh_mesh_request::Source>,
-}
-/// Nested message and enum types in `RemeshMeshRequest`.
-pub mod remesh_mesh_request {
-    /// The surface. Required.
-    #[derive(Clone, PartialEq, ::prost::Oneof)]
-    pub enum Source {
-        /// A file.
-        #[prost(bytes, tag = "1")]
-        Data(::prost::bytes::Bytes),
-        /// An uploaded file, `blobs/{digest}`.
-        #[prost(string, tag = "2")]
-        Blob(::prost::alloc::string::String),
-        /// A generated surface.
-        #[prost(message, tag = "3")]
-        Sample(super::SampleSpec),
-    }
-}
-/// Response of RemeshMesh.
-#[derive(Clone, PartialEq, ::prost::Message)]
-pub struct RemeshMeshResponse {
-    /// The file.
-    #[prost(bytes = "bytes", tag = "1")]
-    pub data: ::prost::bytes::Bytes,
-    /// What the format could not carry, one sentence each.
-    #[prost(string, repeated, tag = "2")]
-    pub warnings: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
-    /// The numbers of the result.
-    #[prost(message, optional, tag = "3")]
-    pub mesh: ::core::option::Option<MeshSummary>,
-    /// What was done to the input.
-    #[prost(message, optional, tag = "4")]
-    pub report: ::core::option::Option<ImportReport>,
-    /// Quality of the result.
-    #[prost(message, optional, tag = "5")]
-    pub quality: ::core::option::Option<QualityReport>,
-    /// What ran.
-    #[prost(message, optional, tag = "6")]
-    pub summary: ::core::option::Option<RunSummary>,
-}
-/// Generated client implementations.
-pub mod remesh_service_client {
-    #![allow(
-        unused_variables,
-        dead_code,
-        missing_docs,
-        clippy::wildcard_imports,
-        clippy::let_unit_value,
-    )]
-    use tonic::codegen::*;
-    use tonic::codegen::http::Uri;
-    /// Remeshing.
-    #[derive(Debug, Clone)]
-    pub struct RemeshServiceClient<T> {
-        inner: tonic::client::Grpc<T>,
-    }
-    impl RemeshServiceClient<tonic::transport::Channel> {
-        /// Attempt to create a new client by connecting to a given endpoint.
-        pub async fn connect<D>(dst: D) -> Result<Self, tonic::transport::Error>
-        where
-            D: TryInto<tonic::transport::Endpoint>,
-            D::Error: Into<StdError>,
-        {
-            let conn = tonic::transport::Endpoint::new(dst)?.connect().await?;
-            Ok(Self::new(conn))
-        }
-    }
-    impl<T> RemeshServiceClient<T>
-    where
-        T: tonic::client::GrpcService<tonic::body::Body>,
-        T::Error: Into<StdError>,
-        T::ResponseBody: Body<Data = Bytes> + std::marker::Send + 'static,
-        <T::ResponseBody as Body>::Error: Into<StdError> + std::marker::Send,
-    {
-        pub fn new(inner: T) -> Self {
-            let inner = tonic::client::Grpc::new(inner);
-            Self { inner }
-        }
-        pub fn with_origin(inner: T, origin: Uri) -> Self {
-            let inner = tonic::client::Grpc::with_origin(inner, origin);
-            Self { inner }
-        }
-        pub fn with_interceptor<F>(
-            inner: T,
-            interceptor: F,
-        ) -> RemeshServiceClient<InterceptedService<T, F>>
-        where
-            F: tonic::service::Interceptor,
-            T::ResponseBody: Default,
-            T: tonic::codegen::Service<
-                http::Request<tonic::body::Body>,
-                Response = http::Response<
-                    <T as tonic::client::GrpcService<tonic::body::Body>>::ResponseBody,
-                >,
-            >,
-            <T as tonic::codegen::Service<
-                http::Request<tonic::body::Body>,
-            >>::Error: Into<StdError> + std::marker::Send + std::marker::Sync,
-        {
-            RemeshServiceClient::new(InterceptedService::new(inner, interceptor))
-        }
-        /// Compress requests with the given encoding.
-        ///
-        /// This requires the server to support it otherwise it might respond with an
-        /// error.
-        #[must_use]
-        pub fn send_compressed(mut self, encoding: CompressionEncoding) -> Self {
-            self.inner = self.inner.send_compressed(encoding);
-            self
-        }
-        /// Enable decompressing responses.
-        #[must_use]
-        pub fn accept_compressed(mut self, encoding: CompressionEncoding) -> Self {
-            self.inner = self.inner.accept_compressed(encoding);
-            self
-        }
-        /// Limits the maximum size of a decoded message.
-        ///
-        /// Default: `4MB`
-        #[must_use]
-        pub fn max_decoding_message_size(mut self, limit: usize) -> Self {
-            self.inner = self.inner.max_decoding_message_size(limit);
-            self
-        }
-        /// Limits the maximum size of an encoded message.
-        ///
-        /// Default: `usize::MAX`
-        #[must_use]
-        pub fn max_encoding_message_size(mut self, limit: usize) -> Self {
-            self.inner = self.inner.max_encoding_message_size(limit);
-            self
-        }
-        /// Remeshes the surface of a session, or only the listed patches of it. Streams progress, then the result, which stays in the
-        /// session: ExportMesh and ReadMeshData read it. FAILED_PRECONDITION if there is no mesh or size, or if the surface is broken.
-        pub async fn remesh_surface(
-            &mut self,
-            request: impl tonic::IntoRequest<super::RemeshSurfaceRequest>,
-        ) -> std::result::Result<
-            tonic::Response<tonic::codec::Streaming<super::RemeshSurfaceResponse>>,
-            tonic::Status,
-        > {
-            self.inner
-                .ready()
-                .await
-                .map_err(|e| {
-                    tonic::Status::unknown(
-                        format!("Service was not ready: {}", e.into()),
-                    )
-                })?;
-            let codec = tonic_prost::ProstCodec::default();
-            let path = http::uri::PathAndQuery::from_static(
-                "/remesh.v1.RemeshService/RemeshSurface",
-            );
-            let mut req = request.into_request();
-            req.extensions_mut()
-                .insert(GrpcMethod::new("remesh.v1.RemeshService", "RemeshSurface"));
-            self.inner.server_streaming(req, path, codec).await
-        }
-        /// Tells what RemeshSurface would find in the cache and what it would have to compute. Computes nothing.
-        pub async fn plan_remesh(
-            &mut self,
-            request: impl tonic::IntoRequest<super::PlanRemeshRequest>,
-        ) -> std::result::Result<
-            tonic::Response<super::PlanRemeshResponse>,
-            tonic::Status,
-        > {
-            self.inner
-                .ready()
-                .await
-                .map_err(|e| {
-                    tonic::Status::unknown(
-                        format!("Service was not ready: {}", e.into()),
-                    )
-                })?;
-            let codec = tonic_prost::ProstCodec::default();
-            let path = http::uri::PathAndQuery::from_static(
-                "/remesh.v1.RemeshService/PlanRemesh",
-            );
-            let mut req = request.into_request();
-            req.extensions_mut()
-                .insert(GrpcMethod::new("remesh.v1.RemeshService", "PlanRemesh"));
-            self.inner.unary(req, path, codec).await
-        }
-        /// One call for scripts: a file in, a file out, no session. For files up to the daemon's `max_inline_bytes` (GetCapabilities);
-        /// beyond that use a session. Equal calls find everything in the cache.
-        pub async fn remesh_mesh(
-            &mut self,
-            request: impl tonic::IntoRequest<super::RemeshMeshRequest>,
-        ) -> std::result::Result<
-            tonic::Response<super::RemeshMeshResponse>,
-            tonic::Status,
-        > {
-            self.inner
-                .ready()
-                .await
-                .map_err(|e| {
-                    tonic::Status::unknown(
-                        format!("Service was not ready: {}", e.into()),
-                    )
-                })?;
-            let codec = tonic_prost::ProstCodec::default();
-            let path = http::uri::PathAndQuery::from_static(
-                "/remesh.v1.RemeshService/RemeshMesh",
-            );
-            let mut req = request.into_request();
-            req.extensions_mut()
-                .insert(GrpcMethod::new("remesh.v1.RemeshService", "RemeshMesh"));
-            self.inner.unary(req, path, codec).await
-        }
-    }
-}
-/// Generated server implementations.
-pub mod remesh_service_server {
-    #![allow(
-        unused_variables,
-        dead_code,
-        missing_docs,
-        clippy::wildcard_imports,
-        clippy::let_unit_value,
-    )]
-    use tonic::codegen::*;
-    /// Generated trait containing gRPC methods that should be implemented for use with RemeshServiceServer.
-    #[async_trait]
-    pub trait RemeshService: std::marker::Send + std::marker::Sync + 'static {
-        /// Server streaming response type for the RemeshSurface method.
-        type RemeshSurfaceStream: tonic::codegen::tokio_stream::Stream<
-                Item = std::result::Result<super::RemeshSurfaceResponse, tonic::Status>,
-            >
-            + std::marker::Send
-            + 'static;
-        /// Remeshes the surface of a session, or only the listed patches of it. Streams progress, then the result, which stays in the
-        /// session: ExportMesh and ReadMeshData read it. FAILED_PRECONDITION if there is no mesh or size, or if the surface is broken.
-        async fn remesh_surface(
-            &self,
-            request: tonic::Request<super::RemeshSurfaceRequest>,
-        ) -> std::result::Result<
-            tonic::Response<Self::RemeshSurfaceStream>,
-            tonic::Status,
-        >;
-        /// Tells what RemeshSurface would find in the cache and what it would have to compute. Computes nothing.
-        async fn plan_remesh(
-            &self,
-            request: tonic::Request<super::PlanRemeshRequest>,
-        ) -> std::result::Result<
-            tonic::Response<super::PlanRemeshResponse>,
-            tonic::Status,
-        >;
-        /// One call for scripts: a file in, a file out, no session. For files up to the daemon's `max_inline_bytes` (GetCapabilities);
-        /// beyond that use a session. Equal calls find everything in the cache.
-        async fn remesh_mesh(
-            &self,
-            request: tonic::Request<super::RemeshMeshRequest>,
-        ) -> std::result::Result<
-            tonic::Response<super::RemeshMeshResponse>,
-            tonic::Status,
-        >;
-    }
-    /// Remeshing.
-    #[derive(Debug)]
-    pub struct RemeshServiceServer<T> {
-        inner: Arc<T>,
-        accept_compression_encodings: EnabledCompressionEncodings,
-        send_compression_encodings: EnabledCompressionEncodings,
-        max_decoding_message_size: Option<usize>,
-        max_encoding_message_size: Option<usize>,
-    }
-    impl<T> RemeshServiceServer<T> {
-        pub fn new(inner: T) -> Self {
-            Self::from_arc(Arc::new(inner))
-        }
-        pub fn from_arc(inner: Arc<T>) -> Self {
-            Self {
-                inner,
-                accept_compression_encodings: Default::default(),
-                send_compression_encodings: Default::default(),
-                max_decoding_message_size: None,
-                max_encoding_message_size: None,
-            }
-        }
-        pub fn with_interceptor<F>(
-            inner: T,
-            interceptor: F,
-        ) -> InterceptedService<Self, F>
-        where
-            F: tonic::service::Interceptor,
-        {
-            InterceptedService::new(Self::new(inner), interceptor)
-        }
-        /// Enable decompressing requests with the given encoding.
-        #[must_use]
-        pub fn accept_compressed(mut self, encoding: CompressionEncoding) -> Self {
-            self.accept_compression_encodings.enable(encoding);
-            self
-        }
-        /// Compress responses with the given encoding, if the client supports it.
-        #[must_use]
-        pub fn send_compressed(mut self, encoding: CompressionEncoding) -> Self {
-            self.send_compression_encodings.enable(encoding);
-            self
-        }
-        /// Limits the maximum size of a decoded message.
-        ///
-        /// Default: `4MB`
-        #[must_use]
-        pub fn max_decoding_message_size(mut self, limit: usize) -> Self {
-            self.max_decoding_message_size = Some(limit);
-            self
-        }
-        /// Limits the maximum size of an encoded message.
-        ///
-        /// Default: `usize::MAX`
-        #[must_use]
-        pub fn max_encoding_message_size(mut self, limit: usize) -> Self {
-            self.max_encoding_message_size = Some(limit);
-            self
-        }
-    }
-    impl<T, B> tonic::codegen::Service<http::Request<B>> for RemeshServiceServer<T>
-    where
-        T: RemeshService,
-        B: Body + std::marker::Send + 'static,
-        B::Error: Into<StdError> + std::marker::Send + 'static,
-    {
-        type Response = http::Response<tonic::body::Body>;
-        type Error = std::convert::Infallible;
-        type Future = BoxFuture<Self::Response, Self::Error>;
-        fn poll_ready(
-            &mut self,
-            _cx: &mut Context<'_>,
-        ) -> Poll<std::result::Result<(), Self::Error>> {
-            Poll::Ready(Ok(()))
-        }
-        fn call(&mut self, req: http::Request<B>) -> Self::Future {
-            match req.uri().path() {
-                "/remesh.v1.RemeshService/RemeshSurface" => {
-                    #[allow(non_camel_case_types)]
-                    struct RemeshSurfaceSvc<T: RemeshService>(pub Arc<T>);
-                    impl<
-                        T: RemeshService,
-                    > tonic::server::ServerStreamingService<super::RemeshSurfaceRequest>
-                    for RemeshSurfaceSvc<T> {
-                        type Response = super::RemeshSurfaceResponse;
-                        type ResponseStream = T::RemeshSurfaceStream;
-                        type Future = BoxFuture<
-                            tonic::Response<Self::ResponseStream>,
-                            tonic::Status,
-                        >;
-                        fn call(
-                            &mut self,
-                            request: tonic::Request<super::RemeshSurfaceRequest>,
-                        ) -> Self::Future {
-                            let inner = Arc::clone(&self.0);
-                            let fut = async move {
-                                <T as RemeshService>::remesh_surface(&inner, request).await
-                            };
-                            Box::pin(fut)
-                        }
-                    }
-                    let accept_compression_encodings = self.accept_compression_encodings;
-                    let send_compression_encodings = self.send_compression_encodings;
-                    let max_decoding_message_size = self.max_decoding_message_size;
-                    let max_encoding_message_size = self.max_encoding_message_size;
-                    let inner = self.inner.clone();
-                    let fut = async move {
-                        let method = RemeshSurfaceSvc(inner);
-                        let codec = tonic_prost::ProstCodec::default();
-                        let mut grpc = tonic::server::Grpc::new(codec)
-                            .apply_compression_config(
-                                accept_compression_encodings,
-                                send_compression_encodings,
-                            )
-                            .apply_max_message_size_config(
-                                max_decoding_message_size,
-                                max_encoding_message_size,
-                            );
-                        let res = grpc.server_streaming(method, req).await;
-                        Ok(res)
-                    };
-                    Box::pin(fut)
-                }
-                "/remesh.v1.RemeshService/PlanRemesh" => {
-                    #[allow(non_camel_case_types)]
-                    struct PlanRemeshSvc<T: RemeshService>(pub Arc<T>);
-                    impl<
-                        T: RemeshService,
-                    > tonic::server::UnaryService<super::PlanRemeshRequest>
-                    for PlanRemeshSvc<T> {
-                        type Response = super::PlanRemeshResponse;
-                        type Future = BoxFuture<
-                            tonic::Response<Self::Response>,
-                            tonic::Status,
-                        >;
-                        fn call(
-                            &mut self,
-                            request: tonic::Request<super::PlanRemeshRequest>,
-                        ) -> Self::Future {
-                            let inner = Arc::clone(&self.0);
-                            let fut = async move {
-                                <T as RemeshService>::plan_remesh(&inner, request).await
-                            };
-                            Box::pin(fut)
-                        }
-                    }
-                    let accept_compression_encodings = self.accept_compression_encodings;
-                    let send_compression_encodings = self.send_compression_encodings;
-                    let max_decoding_message_size = self.max_decoding_message_size;
-                    let max_encoding_message_size = self.max_encoding_message_size;
-                    let inner = self.inner.clone();
-                    let fut = async move {
-                        let method = PlanRemeshSvc(inner);
-                        let codec = tonic_prost::ProstCodec::default();
-                        let mut grpc = tonic::server::Grpc::new(codec)
-                            .apply_compression_config(
-                                accept_compression_encodings,
-                                send_compression_encodings,
-                            )
-                            .apply_max_message_size_config(
-                                max_decoding_message_size,
-                                max_encoding_message_size,
-                            );
-                        let res = grpc.unary(method, req).await;
-                        Ok(res)
-                    };
-                    Box::pin(fut)
-                }
-                "/remesh.v1.RemeshService/RemeshMesh" => {
-                    #[allow(non_camel_case_types)]
-                    struct RemeshMeshSvc<T: RemeshService>(pub Arc<T>);
-                    impl<
-                        T: RemeshService,
-                    > tonic::server::UnaryService<super::RemeshMeshRequest>
-                    for RemeshMeshSvc<T> {
-                        type Response = super::RemeshMeshResponse;
-                        type Future = BoxFuture<
-                            tonic::Response<Self::Response>,
-                            tonic::Status,
-                        >;
-                        fn call(
-                            &mut self,
-                            request: tonic::Request<super::RemeshMeshRequest>,
-                        ) -> Self::Future {
-                            let inner = Arc::clone(&self.0);
-                            let fut = async move {
-                                <T as RemeshService>::remesh_mesh(&inner, request).await
-                            };
-                            Box::pin(fut)
-                        }
-                    }
-                    let accept_compression_encodings = self.accept_compression_encodings;
-                    let send_compression_encodings = self.send_compression_encodings;
-                    let max_decoding_message_size = self.max_decoding_message_size;
-                    let max_encoding_message_size = self.max_encoding_message_size;
-                    let inner = self.inner.clone();
-                    let fut = async move {
-                        let method = RemeshMeshSvc(inner);
-                        let codec = tonic_prost::ProstCodec::default();
-                        let mut grpc = tonic::server::Grpc::new(codec)
-                            .apply_compression_config(
-                                accept_compression_encodings,
-                                send_compression_encodings,
-                            )
-                            .apply_max_message_size_config(
-                                max_decoding_message_size,
-                                max_encoding_message_size,
-                            );
-                        let res = grpc.unary(method, req).await;
-                        Ok(res)
-                    };
-                    Box::pin(fut)
-                }
-                _ => {
-                    Box::pin(async move {
-                        let mut response = http::Response::new(
-                            tonic::body::Body::default(),
-                        );
-                        let headers = response.headers_mut();
-                        headers
-                            .insert(
-                                tonic::Status::GRPC_STATUS,
-                                (tonic::Code::Unimplemented as i32).into(),
-                            );
-                        headers
-                            .insert(
-                                http::header::CONTENT_TYPE,
-                                tonic::metadata::GRPC_CONTENT_TYPE,
-                            );
-                        Ok(response)
-                    })
-                }
-            }
-        }
-    }
-    impl<T> Clone for RemeshServiceServer<T> {
-        fn clone(&self) -> Self {
-            let inner = self.inner.clone();
-            Self {
-                inner,
-                accept_compression_encodings: self.accept_compression_encodings,
-                send_compression_encodings: self.send_compression_encodings,
-                max_decoding_message_size: self.max_decoding_message_size,
-                max_encoding_message_size: self.max_encoding_message_size,
-            }
-        }
-    }
-    /// Generated gRPC service name
-    pub const SERVICE_NAME: &str = "remesh.v1.RemeshService";
-    impl<T> tonic::server::NamedService for RemeshServiceServer<T> {
         const NAME: &'static str = SERVICE_NAME;
     }
 }

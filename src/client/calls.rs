@@ -2,22 +2,33 @@
 
 use crate::connection::Client;
 use crate::error::{ClientError, Result};
+use crate::retry::{Backoff, Repeat, new_request_id, send};
 use remesh_proto::v1;
 use std::time::Duration;
 
-/// Drains a stream of progress messages that ends with a result.
+/// Drains a stream of progress messages that ends with a result. What it computes stays cached, so it may come twice.
 macro_rules! drive {
-    ($stream:expr, $event:ident, $on_progress:expr) => {{
-        let mut stream = $stream.into_inner();
-        let mut result = None;
-        while let Some(message) = stream.message().await? {
-            match message.event {
-                Some(v1::$event::Event::Progress(progress)) => $on_progress(&progress),
-                Some(v1::$event::Event::Result(found)) => result = Some(found),
-                None => {}
+    ($client:ident . $stub:ident . $method:ident ($request:expr), $event:ident, $on_progress:expr) => {{
+        let request = $request;
+        let mut backoff = Backoff::new($client.retry_policy(), Repeat::Free);
+        loop {
+            let tried = async {
+                let mut stream = $client.$stub().$method(request.clone()).await?.into_inner();
+                let mut result = None;
+                while let Some(message) = stream.message().await? {
+                    match message.event {
+                        Some(v1::$event::Event::Progress(progress)) => $on_progress(&progress),
+                        Some(v1::$event::Event::Result(found)) => result = Some(found),
+                        None => {}
+                    }
+                }
+                result.ok_or_else(|| ClientError::protocol("a stream that ended without its result"))
+            };
+            match tried.await {
+                Ok(result) => break Ok(result),
+                Err(error) => backoff.after(error).await?,
             }
         }
-        result.ok_or_else(|| ClientError::protocol("a stream that ended without its result"))
     }};
 }
 
@@ -36,7 +47,7 @@ impl Client {
     /// `LIMIT_REACHED` if the daemon holds as many sessions as it may.
     pub async fn create_session(&self, display_name: &str, ttl: Option<Duration>) -> Result<v1::Session> {
         let request = v1::CreateSessionRequest { display_name: display_name.to_owned(), ttl: ttl.map(wire_duration) };
-        session_of(self.sessions().create_session(request).await?.into_inner().session)
+        session_of(send!(self.sessions.create_session(request), IfRefused).session)
     }
 
     /// The state of a session; counts as a use of it.
@@ -45,7 +56,7 @@ impl Client {
     /// `SESSION_NOT_FOUND`, `SESSION_EXPIRED`.
     pub async fn get_session(&self, name: &str) -> Result<v1::Session> {
         let request = v1::GetSessionRequest { name: name.to_owned() };
-        session_of(self.sessions().get_session(request).await?.into_inner().session)
+        session_of(send!(self.sessions.get_session(request)).session)
     }
 
     /// All sessions, the oldest first, over as many pages as there are; without their meshes and inputs.
@@ -57,7 +68,7 @@ impl Client {
         let mut page_token = String::new();
         loop {
             let request = v1::ListSessionsRequest { page_size: 1000, page_token };
-            let page = self.sessions().list_sessions(request).await?.into_inner();
+            let page = send!(self.sessions.list_sessions(request));
             sessions.extend(page.sessions);
             page_token = page.next_page_token;
             if page_token.is_empty() {
@@ -72,7 +83,7 @@ impl Client {
     /// `SESSION_NOT_FOUND`, `BAD_PARAMETER` beyond the daemon's bound.
     pub async fn set_ttl(&self, name: &str, ttl: Duration) -> Result<v1::Session> {
         let request = v1::UpdateSessionRequest { name: name.to_owned(), ttl: Some(wire_duration(ttl)) };
-        session_of(self.sessions().update_session(request).await?.into_inner().session)
+        session_of(send!(self.sessions.update_session(request)).session)
     }
 
     /// Ends a session and tells the revision it had.
@@ -81,7 +92,7 @@ impl Client {
     /// `SESSION_NOT_FOUND`.
     pub async fn delete_session(&self, name: &str) -> Result<u64> {
         let request = v1::DeleteSessionRequest { name: name.to_owned() };
-        Ok(self.sessions().delete_session(request).await?.into_inner().revision)
+        Ok(send!(self.sessions.delete_session(request), IfRefused).revision)
     }
 
     /// Changes one input and tells the new revision; with `base`, only if that is the current one.
@@ -93,9 +104,9 @@ impl Client {
             session: session.to_owned(),
             base_revision: base,
             change: Some(v1::Change { change: Some(change) }),
-            ..Default::default()
+            request_id: new_request_id(),
         };
-        Ok(self.sessions().apply_change(request).await?.into_inner().revision)
+        Ok(send!(self.sessions.apply_change(request)).revision)
     }
 
     /// Takes the inputs of an earlier revision and tells the new one.
@@ -112,7 +123,7 @@ impl Client {
     /// `NO_MESH` before an import.
     pub async fn diagnose(&self, session: &str) -> Result<v1::DiagnoseMeshResponse> {
         let request = v1::DiagnoseMeshRequest { session: session.to_owned(), expected_revision: None };
-        Ok(self.meshes().diagnose_mesh(request).await?.into_inner())
+        Ok(send!(self.meshes.diagnose_mesh(request)))
     }
 
     /// Partitions the surface; `with_charts` tells the patches after the splits that their charts ask for, and after edits.
@@ -126,7 +137,7 @@ impl Client {
         mut on_progress: impl FnMut(&v1::Progress),
     ) -> Result<v1::PartitionResult> {
         let request = v1::PartitionSurfaceRequest { session: session.to_owned(), expected_revision: None, with_charts };
-        drive!(self.partitions().partition_surface(request).await?, partition_surface_response, on_progress)
+        drive!(self.partitions.partition_surface(request), partition_surface_response, on_progress)
     }
 
     /// Maps all patches to the plane and tells the charts of the listed ones, or of all if none are listed.
@@ -140,7 +151,7 @@ impl Client {
         mut on_progress: impl FnMut(&v1::Progress),
     ) -> Result<v1::ParametrizeResult> {
         let request = v1::ParametrizePatchesRequest { session: session.to_owned(), expected_revision: None, patches: patches.to_vec() };
-        drive!(self.charts().parametrize_patches(request).await?, parametrize_patches_response, on_progress)
+        drive!(self.charts.parametrize_patches(request), parametrize_patches_response, on_progress)
     }
 
     /// Remeshes the surface, or meshes only the listed patches.
@@ -149,7 +160,7 @@ impl Client {
     /// Those of [`Client::parametrize`]; FAILED_PRECONDITION if no size is set.
     pub async fn remesh(&self, session: &str, patches: &[u32], mut on_progress: impl FnMut(&v1::Progress)) -> Result<v1::RemeshResult> {
         let request = v1::RemeshSurfaceRequest { session: session.to_owned(), expected_revision: None, patches: patches.to_vec() };
-        drive!(self.remeshing().remesh_surface(request).await?, remesh_surface_response, on_progress)
+        drive!(self.remeshing.remesh_surface(request), remesh_surface_response, on_progress)
     }
 
     /// What a remesh would find cached and what it would compute; computes nothing.
@@ -157,8 +168,8 @@ impl Client {
     /// # Errors
     /// `NO_MESH`, `SESSION_NOT_FOUND`.
     pub async fn plan(&self, session: &str) -> Result<v1::PlanRemeshResponse> {
-        let request = v1::PlanRemeshRequest { session: session.to_owned(), expected_revision: None };
-        Ok(self.remeshing().plan_remesh(request).await?.into_inner())
+        let request = v1::PlanRemeshRequest { session: session.to_owned(), ..Default::default() };
+        Ok(send!(self.remeshing.plan_remesh(request)))
     }
 
     /// Measures the result, which is computed if it is not cached.
@@ -167,7 +178,7 @@ impl Client {
     /// Those of [`Client::remesh`].
     pub async fn quality(&self, session: &str, scope: v1::QualityScope) -> Result<v1::GetQualityResponse> {
         let request = v1::GetQualityRequest { session: session.to_owned(), expected_revision: None, scope: scope.into() };
-        Ok(self.qualities().get_quality(request).await?.into_inner())
+        Ok(send!(self.qualities.get_quality(request)))
     }
 
     /// Measures one file against another, without a session.
@@ -175,7 +186,7 @@ impl Client {
     /// # Errors
     /// Those of [`Client::import`], for either file.
     pub async fn compare(&self, request: v1::CompareMeshesRequest) -> Result<v1::CompareMeshesResponse> {
-        Ok(self.qualities().compare_meshes(request).await?.into_inner())
+        Ok(send!(self.qualities.compare_meshes(request)))
     }
 
     /// One call: a file in, a remeshed file out, no session. For files up to the daemon's `max_inline_bytes`.
@@ -183,7 +194,7 @@ impl Client {
     /// # Errors
     /// All that import, remesh and export can fail with.
     pub async fn remesh_mesh(&self, request: v1::RemeshMeshRequest) -> Result<v1::RemeshMeshResponse> {
-        Ok(self.remeshing().remesh_mesh(request).await?.into_inner())
+        Ok(send!(self.remeshing.remesh_mesh(request)))
     }
 
     /// Version, formats and limits of the daemon.
@@ -191,7 +202,7 @@ impl Client {
     /// # Errors
     /// Only those of the connection.
     pub async fn capabilities(&self) -> Result<v1::GetCapabilitiesResponse> {
-        Ok(self.capability_service().get_capabilities(v1::GetCapabilitiesRequest {}).await?.into_inner())
+        Ok(send!(self.capability_service.get_capabilities(v1::GetCapabilitiesRequest {})))
     }
 
     /// State of the caches.
@@ -199,6 +210,6 @@ impl Client {
     /// # Errors
     /// Only those of the connection.
     pub async fn cache_usage(&self) -> Result<v1::GetCacheUsageResponse> {
-        Ok(self.capability_service().get_cache_usage(v1::GetCacheUsageRequest {}).await?.into_inner())
+        Ok(send!(self.capability_service.get_cache_usage(v1::GetCacheUsageRequest {})))
     }
 }

@@ -3,6 +3,7 @@
 use crate::arrays::{Columns, check_indices};
 use crate::connection::Client;
 use crate::error::{ClientError, Result};
+use crate::retry::{new_request_id, send};
 use prost_types::FieldMask;
 use remesh_proto::v1;
 use v1::{DataColumn, preview_patch_chart_response, read_chart_data_response};
@@ -91,7 +92,7 @@ impl Client {
     /// `PATCH_NOT_FOUND`, those of [`Client::parametrize`].
     pub async fn get_patch_chart(&self, session: &str, patch: u32) -> Result<v1::GetPatchChartResponse> {
         let request = v1::GetPatchChartRequest { session: session.to_owned(), expected_revision: None, patch };
-        Ok(self.charts().get_patch_chart(request).await?.into_inner())
+        Ok(send!(self.charts.get_patch_chart(request)))
     }
 
     /// Gives a patch a spec of its own, or changes it. With `base`, only if that is the current revision.
@@ -113,9 +114,9 @@ impl Client {
             patch,
             spec: Some(edit.spec),
             update_mask,
-            ..Default::default()
+            request_id: new_request_id(),
         };
-        Ok(self.charts().update_patch_chart(request).await?.into_inner())
+        Ok(send!(self.charts.update_patch_chart(request)))
     }
 
     /// Takes the own spec of a patch back.
@@ -123,8 +124,8 @@ impl Client {
     /// # Errors
     /// `PATCH_NOT_FOUND`, `STALE_REVISION`.
     pub async fn reset_patch_chart(&self, session: &str, patch: u32, base: Option<u64>) -> Result<v1::ResetPatchChartResponse> {
-        let request = v1::ResetPatchChartRequest { session: session.to_owned(), base_revision: base, patch, ..Default::default() };
-        Ok(self.charts().reset_patch_chart(request).await?.into_inner())
+        let request = v1::ResetPatchChartRequest { session: session.to_owned(), base_revision: base, patch, request_id: new_request_id() };
+        Ok(send!(self.charts.reset_patch_chart(request)))
     }
 
     /// What the charts, or the preview of one, would find cached and what they would compute; computes nothing.
@@ -134,7 +135,7 @@ impl Client {
     pub async fn plan_charts(&self, session: &str, proposal: Option<(u32, ChartEdit)>) -> Result<v1::PlanChartsResponse> {
         let preview = proposal.map(|(patch, edit)| v1::ChartProposal { patch, update_mask: edit.mask(), spec: Some(edit.spec) });
         let request = v1::PlanChartsRequest { session: session.to_owned(), expected_revision: None, preview };
-        Ok(self.charts().plan_charts(request).await?.into_inner())
+        Ok(send!(self.charts.plan_charts(request)))
     }
 
     /// Reads the chart of a patch.

@@ -17,7 +17,7 @@ mod steps;
 mod summary;
 mod ui;
 
-use args::{ChartVerb, Cli, Command, GlobalArgs};
+use args::{ChartVerb, Cli, Command, GlobalArgs, SessionVerb};
 use clap::{CommandFactory, Parser};
 use context::Context;
 use failure::{Failure, Outcome, exit};
@@ -145,11 +145,15 @@ async fn execute(context: &Context, command: &Command) -> Outcome<u8> {
             Ok(if remeshable { 0 } else { exit::REFUSED })
         }
         Command::Status => answer(inspect::status(context).await?),
-        Command::Session(args) => answer(steps::session(context, &args.verb).await?),
+        Command::Session(args) => {
+            let report = steps::session(context, &args.verb).await?;
+            context.ui.report(&report, !matches!(args.verb, SessionVerb::Delete(_) | SessionVerb::SetTtl { .. }));
+            Ok(0)
+        }
         Command::Import(args) => done(steps::import(context, args).await?),
         Command::Set(args) => done(steps::set(context, args).await?),
         Command::Partition(args) => answer(patches::partition(context, args).await?),
-        Command::Patch(args) => answer(patches::verb(context, &args.verb).await?),
+        Command::Patch(args) => done(patches::verb(context, &args.verb).await?),
         Command::Chart(args) => {
             let (report, code) = match &args.verb {
                 Some(verb) => charts::verb(context, verb).await?,
@@ -162,8 +166,8 @@ async fn execute(context: &Context, command: &Command) -> Outcome<u8> {
         Command::Remesh(args) => answer(steps::remesh(context, args).await?),
         Command::Plan(name) => answer(steps::plan(context, &name.session).await?),
         Command::Export(args) => done(steps::export(context, args).await?),
-        Command::History(verb) => answer(history::verb(context, verb).await?),
-        Command::Rollback(args) => answer(steps::rollback(context, args).await?),
+        Command::History(verb) => done(history::verb(context, verb).await?),
+        Command::Rollback(args) => done(steps::rollback(context, args).await?),
     }
 }
 

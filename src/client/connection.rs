@@ -2,6 +2,7 @@
 
 use crate::credentials::{Bearer, Credentials};
 use crate::error::{ClientError, Result, root_cause};
+use crate::retry::RetryPolicy;
 use remesh_proto::v1;
 use std::time::Duration;
 use tonic::service::interceptor::InterceptedService;
@@ -9,6 +10,7 @@ use tonic::transport::{Channel, Endpoint};
 use v1::capability_service_client::CapabilityServiceClient;
 use v1::chart_service_client::ChartServiceClient;
 use v1::mesh_service_client::MeshServiceClient;
+use v1::operation_service_client::OperationServiceClient;
 use v1::partition_service_client::PartitionServiceClient;
 use v1::quality_service_client::QualityServiceClient;
 use v1::remesh_service_client::RemeshServiceClient;
@@ -31,6 +33,7 @@ pub type Transport = InterceptedService<Channel, Bearer>;
 pub struct Client {
     channel: Transport,
     endpoint: Option<String>,
+    retry: RetryPolicy,
 }
 
 impl Client {
@@ -67,12 +70,23 @@ impl Client {
             .connect()
             .await
             .map_err(|error| ClientError::Unreachable { endpoint: Some(endpoint.to_owned()), cause: root_cause(&error) })?;
-        Ok(Client { channel: InterceptedService::new(channel, bearer), endpoint: Some(endpoint.to_owned()) })
+        Ok(Client { channel: InterceptedService::new(channel, bearer), endpoint: Some(endpoint.to_owned()), retry: RetryPolicy::default() })
     }
 
     /// Uses a channel that was made elsewhere, for example to a daemon in the same process.
     pub fn from_channel(channel: Channel) -> Self {
-        Client { channel: InterceptedService::new(channel, Bearer::default()), endpoint: None }
+        Client { channel: InterceptedService::new(channel, Bearer::default()), endpoint: None, retry: RetryPolicy::default() }
+    }
+
+    /// The same connection with another policy for calls that fail.
+    pub fn with_retry(mut self, policy: RetryPolicy) -> Self {
+        self.retry = policy;
+        self
+    }
+
+    /// How often and how late calls are tried again.
+    pub fn retry_policy(&self) -> RetryPolicy {
+        self.retry
     }
 
     /// What [`Client::connect`] was called with.
@@ -88,6 +102,11 @@ impl Client {
     /// The generated stub of the mesh service.
     pub fn meshes(&self) -> MeshServiceClient<Transport> {
         MeshServiceClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
+    }
+
+    /// The generated stub of the operation service.
+    pub fn operations(&self) -> OperationServiceClient<Transport> {
+        OperationServiceClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
     }
 
     /// The generated stub of the partition service.

@@ -2,6 +2,7 @@
 
 use crate::connection::Client;
 use crate::error::{ClientError, Result};
+use crate::retry::{new_request_id, send};
 use remesh_proto::v1;
 use std::time::Duration;
 use tonic::Streaming;
@@ -67,8 +68,8 @@ impl Client {
     /// # Errors
     /// `NOTHING_TO_STEP_TO`, `STALE_REVISION`.
     pub async fn undo(&self, session: &str, base: Option<u64>) -> Result<v1::UndoChangeResponse> {
-        let request = v1::UndoChangeRequest { session: session.to_owned(), base_revision: base, ..Default::default() };
-        Ok(self.sessions().undo_change(request).await?.into_inner())
+        let request = v1::UndoChangeRequest { session: session.to_owned(), base_revision: base, request_id: new_request_id() };
+        Ok(send!(self.sessions.undo_change(request)))
     }
 
     /// Takes the last undo back.
@@ -76,8 +77,8 @@ impl Client {
     /// # Errors
     /// `NOTHING_TO_STEP_TO`, `STALE_REVISION`.
     pub async fn redo(&self, session: &str, base: Option<u64>) -> Result<v1::RedoChangeResponse> {
-        let request = v1::RedoChangeRequest { session: session.to_owned(), base_revision: base, ..Default::default() };
-        Ok(self.sessions().redo_change(request).await?.into_inner())
+        let request = v1::RedoChangeRequest { session: session.to_owned(), base_revision: base, request_id: new_request_id() };
+        Ok(send!(self.sessions.redo_change(request)))
     }
 
     /// Watches a session; without `start`, from now on.

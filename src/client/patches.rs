@@ -3,6 +3,7 @@
 use crate::arrays::pack_u32;
 use crate::connection::Client;
 use crate::error::Result;
+use crate::retry::{new_request_id, send};
 use remesh_proto::v1;
 use v1::packed_array::Data;
 use v1::split_patch_request::How;
@@ -16,8 +17,8 @@ impl Client {
     /// # Errors
     /// `PATCH_NOT_FOUND`, `PATCH_TOPOLOGY` with the place, `BAD_PARAMETER` for a plane that does not cut the patch, `STALE_REVISION`.
     pub async fn split_patch(&self, session: &str, patch: u32, how: Option<How>, base: Option<u64>) -> Result<v1::SplitPatchResponse> {
-        let request = v1::SplitPatchRequest { session: session.to_owned(), base_revision: base, patch, how, ..Default::default() };
-        Ok(self.partitions().split_patch(request).await?.into_inner())
+        let request = v1::SplitPatchRequest { session: session.to_owned(), base_revision: base, patch, how, request_id: new_request_id() };
+        Ok(send!(self.partitions.split_patch(request)))
     }
 
     /// Makes one patch of several.
@@ -25,9 +26,13 @@ impl Client {
     /// # Errors
     /// `PATCH_NOT_FOUND`; `PATCH_TOPOLOGY` with the places if the union would not be a patch; `STALE_REVISION`.
     pub async fn merge_patches(&self, session: &str, patches: &[u32], base: Option<u64>) -> Result<v1::MergePatchesResponse> {
-        let request =
-            v1::MergePatchesRequest { session: session.to_owned(), base_revision: base, patches: patches.to_vec(), ..Default::default() };
-        Ok(self.partitions().merge_patches(request).await?.into_inner())
+        let request = v1::MergePatchesRequest {
+            session: session.to_owned(),
+            base_revision: base,
+            patches: patches.to_vec(),
+            request_id: new_request_id(),
+        };
+        Ok(send!(self.partitions.merge_patches(request)))
     }
 
     /// Moves faces of the imported mesh to a patch.
@@ -39,8 +44,9 @@ impl Client {
         let bytes = pack_u32(faces);
         let data = if bytes.len() <= INLINE_BYTES { Data::Inline(bytes) } else { Data::Blob(self.upload(bytes, |_| {}).await?) };
         let faces = Some(v1::PackedArray { data: Some(data) });
-        let request = v1::ReassignFacesRequest { session: session.to_owned(), base_revision: base, faces, patch, ..Default::default() };
-        Ok(self.partitions().reassign_faces(request).await?.into_inner())
+        let request =
+            v1::ReassignFacesRequest { session: session.to_owned(), base_revision: base, faces, patch, request_id: new_request_id() };
+        Ok(send!(self.partitions.reassign_faces(request)))
     }
 
     /// Takes all edits of patches back.
@@ -48,7 +54,7 @@ impl Client {
     /// # Errors
     /// `STALE_REVISION`.
     pub async fn reset_patches(&self, session: &str, base: Option<u64>) -> Result<v1::ResetPatchesResponse> {
-        let request = v1::ResetPatchesRequest { session: session.to_owned(), base_revision: base, ..Default::default() };
-        Ok(self.partitions().reset_patches(request).await?.into_inner())
+        let request = v1::ResetPatchesRequest { session: session.to_owned(), base_revision: base, request_id: new_request_id() };
+        Ok(send!(self.partitions.reset_patches(request)))
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::connection::Client;
 use crate::error::{ClientError, Result};
+use crate::retry::{new_request_id, send};
 use bytes::{Bytes, BytesMut};
 use remesh_proto::v1;
 use v1::export_mesh_response::Part;
@@ -52,14 +53,28 @@ impl Client {
     /// # Errors
     /// Of the file (`FORMAT_MALFORMED`, `FORMAT_UNSUPPORTED`, `NON_FINITE`, `EMPTY_MESH`, ...), of the session and of limits.
     pub async fn import(&self, session: &str, source: Source, options: v1::ImportOptions) -> Result<v1::ImportMeshResponse> {
+        self.import_at(session, source, options, None).await
+    }
+
+    /// The same; with `base`, only if that is the current revision.
+    ///
+    /// # Errors
+    /// Those of [`Client::import`], `STALE_REVISION`.
+    pub async fn import_at(
+        &self,
+        session: &str,
+        source: Source,
+        options: v1::ImportOptions,
+        base: Option<u64>,
+    ) -> Result<v1::ImportMeshResponse> {
         let request = v1::ImportMeshRequest {
             session: session.to_owned(),
-            base_revision: None,
+            base_revision: base,
             source: Some(source.into()),
             options: Some(options),
-            ..Default::default()
+            request_id: new_request_id(),
         };
-        Ok(self.meshes().import_mesh(request).await?.into_inner())
+        Ok(send!(self.meshes.import_mesh(request)))
     }
 
     /// Writes the input or the result of a session as a file. `on_received` learns how many bytes of how many have come.

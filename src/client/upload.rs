@@ -15,7 +15,12 @@ const TRIES: u32 = 6;
 const RETRY_DELAY: Duration = Duration::from_millis(200);
 
 /// The messages of an upload from `offset` on: a view of `data` in pieces, never a copy. With nothing to send it is one empty message.
-fn chunks(data: Bytes, offset: usize, expected_digest: String, mut on_sent: impl FnMut(u64)) -> impl Iterator<Item = v1::UploadMeshRequest> {
+fn chunks(
+    data: Bytes,
+    offset: usize,
+    expected_digest: String,
+    mut on_sent: impl FnMut(u64),
+) -> impl Iterator<Item = v1::UploadMeshRequest> {
     let total = data.len();
     let count = (total - offset).div_ceil(CHUNK_BYTES).max(1);
     (0..count).map(move |index| {
@@ -93,7 +98,8 @@ impl Client {
         }
         let offset = usize::try_from(missing.received_bytes).ok().filter(|&offset| offset <= data.len());
         let offset = offset.ok_or_else(|| ClientError::protocol("more of a file has arrived than it has"))?;
-        let answer = self.meshes().upload_mesh(tokio_stream::iter(chunks(data.clone(), offset, digest.to_owned(), on_sent))).await?.into_inner();
+        let answer =
+            self.meshes().upload_mesh(tokio_stream::iter(chunks(data.clone(), offset, digest.to_owned(), on_sent))).await?.into_inner();
         if answer.bytes != data.len() as u64 {
             return Err(ClientError::protocol(format!("{} bytes were uploaded, {} arrived", data.len(), answer.bytes)));
         }

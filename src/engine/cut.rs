@@ -119,8 +119,9 @@ pub fn cut_along_borders(
         let of_sides = |border: &Border| sides(topology, partition, border).map(|p| PASSES[level[p as usize]]);
         let passes: Vec<u32> = network.borders.iter().map(|border| of_sides(border).into_iter().min().unwrap_or(0)).collect();
         let before = network.total_length();
+        work.check()?;
         network.shorten(&passes, work)?;
-        let cut = apply(mesh, topology, features, partition, &network.borders)?;
+        let cut = apply(mesh, topology, features, partition, &network.borders, work)?;
         work.step(attempt + 1, ATTEMPTS + 2)?;
         let Some(cut) = cut else {
             level.fill(PASSES.len() - 1);
@@ -159,14 +160,18 @@ fn apply(
     features: &Features,
     partition: &Partition,
     borders: &[Border],
+    work: &Work<'_>,
 ) -> Result<Option<CutSurface>> {
     let paths: Vec<&[Node]> = borders.iter().map(|border| &border.path[..]).collect();
     let split = split::split(mesh, topology, &paths)?;
+    work.check()?;
     let new = Topology::build(&split.mesh.triangles, split.mesh.positions.len())?;
+    work.check()?;
     let is_feature: Vec<bool> = split.whole.iter().map(|whole| whole.is_some_and(|h| features.is_feature[h as usize])).collect();
     let features = Features { is_feature, corners: features.corners.clone(), compounds: features.compounds.clone() };
     let sides: Vec<[u32; 2]> = borders.iter().map(|border| sides(topology, partition, border)).collect();
     let Some(face_patch) = labels(&new, &features, partition, &split, &sides) else { return Ok(None) };
+    work.check()?;
     let patches = summarize_patches(&split.mesh, &new, &features, &face_patch);
     let partition = Partition { face_patch, patches, ..partition.clone() };
     let Split { mesh, new_vertices, face_origin, .. } = split;

@@ -259,7 +259,10 @@ impl EngineError {
 
     /// Whether it ends the work as a whole rather than one way of doing it: cancelled, out of time or memory, or a bug.
     pub fn stops_work(&self) -> bool {
-        matches!(self.kind(), ErrorKind::Cancelled | ErrorKind::DeadlineExceeded | ErrorKind::Internal | ErrorKind::ResourceExhausted | ErrorKind::DataLoss)
+        matches!(
+            self.kind(),
+            ErrorKind::Cancelled | ErrorKind::DeadlineExceeded | ErrorKind::Internal | ErrorKind::ResourceExhausted | ErrorKind::DataLoss
+        )
     }
 
     /// Whether it says that one map of a patch cannot be computed while another may: a singular operator, a hole that cannot be filled.
@@ -313,7 +316,13 @@ impl fmt::Display for EngineError {
         write!(f, "{}", self.0.message)?;
         if let Some(first) = self.0.locations.first() {
             let [x, y, z] = first.position;
-            write!(f, " (first of {}: {:?} {:?} at {x}, {y}, {z})", self.0.location_total, first.element, first.ids)?;
+            let element = match first.element {
+                Element::Vertex => "vertex",
+                Element::Edge => "edge",
+                Element::Face => "face",
+            };
+            let ids = first.ids.iter().map(u32::to_string).collect::<Vec<_>>().join("-");
+            write!(f, " (first of {}: {element} {ids} at {x}, {y}, {z})", self.0.location_total)?;
         }
         if !self.0.hint.is_empty() {
             write!(f, "; {}", self.0.hint)?;

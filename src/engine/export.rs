@@ -100,7 +100,8 @@ pub fn export_mesh(mesh: &SurfaceMesh, data: FaceData<'_>, format: Format, encod
         (Format::Vtu, Encoding::Default | Encoding::Ascii) => vtu::write(mesh, data, vtu::Style::Ascii, &mut out),
         (Format::Vtu, Encoding::Binary) => vtu::write(mesh, data, vtu::Style::Base64, &mut out),
         (format, encoding) => {
-            return Err(EngineError::new(Reason::FormatUnsupported, format!("{format:?} has no encoding {encoding:?}")));
+            let (format, encoding) = (format!("{format:?}").to_uppercase(), format!("{encoding:?}").to_lowercase());
+            return Err(EngineError::new(Reason::FormatUnsupported, format!("{format} has no {encoding} encoding")));
         }
     }
     Ok(out)

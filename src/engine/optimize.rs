@@ -119,7 +119,9 @@ pub fn optimize_surface(
         Interiors::Optimized => Activity::around(mesh, 0..assembled.curve_vertices, SEAM_RINGS),
     };
     let surface = Input::new(input, Tree::Made(bvh), sizes);
+    work.check()?;
     let mut state = State::new(&surface, assembled, Curves::Flexible, activity)?;
+    work.check()?;
     let mut crossing = None;
     if spec.rounds > 0 {
         size_rounds(&mut state, spec.rounds, work)?;

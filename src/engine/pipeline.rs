@@ -25,7 +25,7 @@ use crate::planar::LiftedPatch;
 use crate::quality::{QualityReport, QualityScope};
 use crate::session::{MeshSource, Snapshot};
 use crate::sizing::{SizeBase, SizeField, SizeSpec};
-use crate::stage::{StageRecord, Stored};
+use crate::stage::{Stage, StageRecord, Stored};
 use crate::topology::Topology;
 use crate::vector::Vec2;
 use crate::work::Work;
@@ -440,16 +440,34 @@ pub fn remesh_patches(
 ) -> Result<Answer<(Charts, Vec<Stored<LiftedPatch>>)>> {
     Context::execute(engine, run, |context| {
         let charts = graph::charts_step(context, snapshot)?;
-        let count = charts.charts.len();
-        if let Some(&unknown) = patches.iter().find(|&&p| p as usize >= count) {
-            let message = format!("there is no patch {unknown}; the surface has {count}");
-            return Err(EngineError::new(Reason::PatchNotFound, message).into());
-        }
-        let sizes = graph::triangle_sizes(snapshot, &graph::size_step(context, snapshot, &charts)?)?;
-        let metric = graph::metric_step(context, snapshot, &charts, &sizes)?;
-        let lengths = graph::Wanted::new(&sizes, metric.as_deref());
-        let meshes = graph::lifted_step(context, snapshot, &charts, lengths, patches)?;
-        Ok((charts, meshes.lifted))
+        graph::listed_step(context, snapshot, charts, patches)
+    })
+}
+
+/// What [`remesh_patches`] would find in the cache and what it would run. Computes nothing.
+///
+/// # Errors
+/// As [`remesh_patches`], as far as they are known without computing.
+pub fn plan_patches(engine: &Engine, snapshot: &Snapshot, patches: &[u32], run: &Run<'_>) -> Result<Vec<StageRecord>> {
+    Context::plan(engine, run, |context| graph::listed_step(context, snapshot, graph::charts_step(context, snapshot)?, patches).map(|_| ()))
+}
+
+/// What a partition without charts would find in the cache and what it would run. Computes nothing.
+///
+/// # Errors
+/// As [`partition`], as far as they are known without computing.
+pub fn plan_partition(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Vec<StageRecord>> {
+    Context::plan(engine, run, |context| graph::partitioned_step(context, snapshot).map(|_| ()))
+}
+
+/// What a measure of the result would find in the cache and what it would run, the remesh included. Computes nothing.
+///
+/// # Errors
+/// As [`plan`].
+pub fn plan_quality(engine: &Engine, snapshot: &Snapshot, scope: QualityScope, run: &Run<'_>) -> Result<Vec<StageRecord>> {
+    Context::plan(engine, run, |context| {
+        let remesh = graph::remesh_step(context, snapshot).map_err(|halt| context.and_below(halt, &[Stage::Quality], &[]))?;
+        graph::quality_step(context, &remesh, scope).map(|_| ())
     })
 }
 

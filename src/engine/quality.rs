@@ -176,16 +176,20 @@ pub fn measure_quality<'a>(
     if quads as usize > output.triangles.len() / 2 {
         return Err(EngineError::bad_parameter("quads", "there are not two faces for each"));
     }
-    let (output_edges, input_edges) = (edges::edge_table(output), edges::edge_table(input));
-    let mut report = QualityReport {
-        shape: shape::measure_shape(output, &output_edges, target),
-        input_shape: shape::measure_shape(input, &input_edges, None),
-        topology_input: topology_numbers(&input.triangles, input.positions.len()),
-        topology_output: topology_numbers(&output.triangles, output.positions.len()),
-        quads: (quads > 0).then(|| quads::measure_quads(output, quads as usize, &output_edges, target)),
-        worst_faces: shape::worst_faces(output, 20),
-        ..QualityReport::default()
-    };
+    let output_edges = edges::edge_table(output);
+    work.check()?;
+    let input_edges = edges::edge_table(input);
+    work.check()?;
+    let mut report = QualityReport { shape: shape::measure_shape(output, &output_edges, target), ..QualityReport::default() };
+    work.check()?;
+    report.input_shape = shape::measure_shape(input, &input_edges, None);
+    work.check()?;
+    report.topology_input = topology_numbers(&input.triangles, input.positions.len());
+    work.check()?;
+    report.topology_output = topology_numbers(&output.triangles, output.positions.len());
+    work.check()?;
+    report.quads = (quads > 0).then(|| quads::measure_quads(output, quads as usize, &output_edges, target));
+    report.worst_faces = shape::worst_faces(output, 20);
     report.topology_kept = topology_kept(&report.topology_input, &report.topology_output);
     work.step(1, 10)?;
     if scope == QualityScope::Full {

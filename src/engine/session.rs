@@ -327,7 +327,12 @@ impl Session {
         next.change(changes, |revision| {
             let kept = state.history.iter().find(|s| s.revision == revision);
             kept.cloned().ok_or_else(|| {
-                EngineError::bad_parameter("rollback", format!("revision {} is not kept; the oldest kept is {oldest}", revision.0))
+                let message = if revision > current.revision {
+                    format!("there is no revision {} yet; the session is at {}", revision.0, current.revision.0)
+                } else {
+                    format!("revision {} is not kept; the oldest kept is {oldest}", revision.0)
+                };
+                EngineError::bad_parameter("rollback", message)
             })
         })?;
         Ok(next)

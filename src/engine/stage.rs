@@ -1,8 +1,10 @@
 //! The stages, their keys and records, and the cache that holds their outputs.
 
 pub mod cache;
+pub mod cost;
 
 pub use cache::{CacheUsage, StageCache, Stored};
+pub use cost::{CostModel, Estimate};
 
 use crate::fingerprint::{Feeder, Fingerprint};
 
@@ -181,9 +183,8 @@ pub struct StageRecord {
     pub subject: Subject,
     /// Hit or run. In a plan: cached, or will run.
     pub outcome: Outcome,
-    /// Wall time spent in this request, waiting included. In a plan 0 for hits, and for runs the mean of what this stage took
-    /// before (0 if it never ran).
+    /// Wall time spent in this request, waiting included. In a plan 0 for hits, and for runs an estimate (see [`CostModel`]).
     pub milliseconds: f64,
-    /// Size of the output in memory; 0 in a plan for what will run.
+    /// Size of the output in memory; in a plan an estimate for what will run.
     pub bytes: u64,
 }

@@ -58,6 +58,20 @@ pub struct ServerConfig {
     pub max_running: usize,
     /// Short calls (reads, plans, diagnoses) that compute at the same time, beside the long ones.
     pub max_running_short: usize,
+    /// Calls of one client that compute or wait to; more are refused.
+    pub max_jobs_per_client: usize,
+    /// Sessions of one client.
+    pub max_sessions_per_client: usize,
+    /// Faces of the surfaces of all sessions together.
+    pub max_open_faces: u64,
+    /// Faces of the surfaces of the sessions of one client together.
+    pub max_open_faces_per_client: u64,
+    /// Connections that may be open; more are closed as they come.
+    pub max_connections: usize,
+    /// How long a new connection may take to say its first word.
+    pub first_word: Duration,
+    /// How long an upload may stand still.
+    pub upload_idle: Duration,
     /// Calls that wait for one of those places; more are refused.
     pub max_queued: usize,
     /// Streams of session events that may be open; more are refused.
@@ -87,6 +101,13 @@ impl Default for ServerConfig {
             max_running: 2,
             max_running_short: 4,
             max_queued: 64,
+            max_jobs_per_client: 48,
+            max_sessions_per_client: 256,
+            max_open_faces: 100_000_000,
+            max_open_faces_per_client: 100_000_000,
+            max_connections: 1024,
+            first_word: Duration::from_secs(10),
+            upload_idle: Duration::from_secs(60),
             max_watchers: 1024,
             grace: Duration::from_secs(10),
             sweep_interval: Duration::from_secs(30),

@@ -5,7 +5,9 @@ use crate::answers::{Answers, Open};
 use crate::caller::Caller;
 use crate::config::Clock;
 use crate::feed::Feed;
+use crate::jobs::Works;
 use crate::keep::ledger::{Entry, Ledger};
+use crate::operations::Operations;
 use crate::state::Shared;
 use prost::Message;
 use remesh_engine::EngineError;
@@ -13,6 +15,7 @@ use remesh_engine::error::Result;
 use remesh_engine::fingerprint::{Feeder, Fingerprint};
 use remesh_engine::session::{Change, Edit, Pending, Revision, Session, Snapshot};
 use remesh_proto::v1;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::SystemTime;
 use v1::watch_session_response::Event;
@@ -27,6 +30,14 @@ pub(crate) struct Desk {
     pub(crate) display_name: String,
     /// Who made it; nobody else sees it.
     pub(crate) owner: Caller,
+    /// Whose limits it counts for.
+    pub(crate) client: Arc<str>,
+    /// Faces of the surface that was imported last.
+    pub(crate) faces: AtomicU64,
+    /// What computes for it.
+    pub(crate) works: Works,
+    /// Its long work.
+    pub(crate) operations: Operations,
     /// What happens to it.
     pub(crate) feed: Arc<Feed>,
     /// What was answered to edits of it.
@@ -41,15 +52,19 @@ pub(crate) struct Desk {
 
 impl Desk {
     /// For a new session.
-    pub(crate) fn new(display_name: String, owner: Caller, clock: Clock) -> Self {
-        Desk::kept(display_name, owner, clock, Answers::default(), Ledger::default())
+    pub(crate) fn new(display_name: String, owner: Caller, client: Arc<str>, clock: Clock) -> Self {
+        Desk::kept(display_name, owner, client, clock, Answers::default(), Ledger::default())
     }
 
     /// For a session of before the server was started.
-    pub(crate) fn kept(display_name: String, owner: Caller, clock: Clock, answers: Answers, ledger: Ledger) -> Self {
+    pub(crate) fn kept(display_name: String, owner: Caller, client: Arc<str>, clock: Clock, answers: Answers, ledger: Ledger) -> Self {
         Desk {
             display_name,
             owner,
+            client,
+            faces: AtomicU64::new(0),
+            works: Works::default(),
+            operations: Operations::default(),
             feed: Arc::new(Feed::new(clock)),
             answers,
             meshes: Mutex::default(),
@@ -58,8 +73,18 @@ impl Desk {
         }
     }
 
+    /// Ends it: stops its work and tells those who watch.
+    pub(crate) fn close(&self, revision: u64, reason: v1::SessionEnd) {
+        let stopped = self.works.close();
+        if stopped > 0 {
+            tracing::info!(stopped, "work of a session that has ended is stopped");
+        }
+        self.feed.close(revision, reason);
+    }
+
     /// Remembers the numbers of an imported mesh.
     pub(crate) fn note_mesh(&self, snapshot: &Snapshot, summary: v1::MeshSummary) {
+        self.faces.store(summary.faces, Ordering::Relaxed);
         let Some(key) = source_fingerprint(snapshot) else { return };
         let mut meshes = self.meshes.lock().unwrap_or_else(PoisonError::into_inner);
         meshes.retain(|(other, _)| *other != key);

@@ -3,6 +3,7 @@
 use crate::answers::{Once, Open};
 use crate::caller::Caller;
 use crate::desk::{Desk, Target, short_id};
+use crate::operations::Operation;
 use crate::progress::Meter;
 use crate::state::Shared;
 use crate::status::{Fault, Told, code_name, log_end, status_of};
@@ -10,7 +11,7 @@ use crate::stream::{Chunks, Watch};
 use remesh_engine::EngineError;
 use remesh_engine::error::{Reason, Result as EngineResult};
 use remesh_engine::pipeline::Run;
-use remesh_engine::stage::{Outcome, StageRecord};
+use remesh_engine::stage::{Outcome, StageRecord, Subject};
 use remesh_engine::work::CancelToken;
 use remesh_proto::v1;
 use std::collections::HashMap;
@@ -28,18 +29,28 @@ use v1::watch_session_response::Event;
 /// How long a computation is likely to take; long ones must not keep short ones waiting.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Intent {
-    /// Reads, plans, diagnoses.
+    /// Reads, plans, diagnoses, one patch: somebody waits before a screen. Long work pauses meanwhile.
     Short,
     /// Anything that may run most of the pipeline.
     Long,
 }
 
 impl Intent {
-    /// Of work that has to run what a plan says is not cached.
+    /// Of work that has to run what a plan says is not cached: short if that is nothing of the whole surface, but little of a few patches.
     pub(crate) fn of_plan<'a>(records: impl IntoIterator<Item = &'a StageRecord>) -> Intent {
-        if records.into_iter().all(|record| record.outcome == Outcome::Hit) { Intent::Short } else { Intent::Long }
+        let mut estimated = 0.0;
+        for record in records.into_iter().filter(|record| record.outcome == Outcome::Run) {
+            if record.subject == Subject::Surface {
+                return Intent::Long;
+            }
+            estimated += record.milliseconds;
+        }
+        if estimated <= SHORT_MILLISECONDS { Intent::Short } else { Intent::Long }
     }
 }
+
+/// Work on patches that is estimated to take longer is long.
+const SHORT_MILLISECONDS: f64 = 1000.0;
 
 /// Permits to compute, and the calls that are on.
 #[derive(Debug)]
@@ -118,6 +129,11 @@ impl Pool {
         calls.len()
     }
 
+    /// Whether a call more would be refused if there were no permit.
+    pub(crate) fn is_full(&self) -> bool {
+        self.long.available_permits() == 0 && self.queued() >= self.max_queued
+    }
+
     fn place(&self) -> Result<Place<'_>, Fault> {
         let before = self.queued.fetch_add(1, Ordering::Relaxed);
         let place = Place(self);
@@ -148,6 +164,8 @@ pub(crate) struct Call {
     ended: bool,
     method: &'static str,
     caller: Caller,
+    /// Whose limits the call counts for: the name of the caller, or its address.
+    client: Arc<str>,
     /// What belongs to the session of the call, and the revision that the call is for.
     desk: Option<(Arc<Desk>, u64)>,
 }
@@ -156,6 +174,9 @@ impl Drop for Call {
     fn drop(&mut self) {
         self.token.cancel();
         self.shared.pool.calls().remove(&self.id);
+        if let Some((desk, _)) = &self.desk {
+            desk.works.remove(self.id);
+        }
         if !self.ended {
             let _entered = self.span.enter();
             tracing::debug!(milliseconds = self.milliseconds(), "the client went away");
@@ -181,9 +202,15 @@ impl Call {
         if !caller.name().is_empty() {
             span.record("caller", caller.name());
         }
-        let mut call = Call { shared: shared.clone(), id, token, deadline, span, begin, ended: false, method, caller, desk: None };
+        let client = match (caller.name(), request.remote_addr()) {
+            ("", Some(peer)) => peer.ip().to_string().into(),
+            ("", None) => "".into(),
+            (name, _) => name.into(),
+        };
+        let shared = shared.clone();
+        let mut call = Call { shared, id, token, deadline, span, begin, ended: false, method, caller, client, desk: None };
         // Looked at after the call is in the table, so that it is either refused here or seen by `cancel_all`.
-        if shared.pool.is_draining() {
+        if call.shared.pool.is_draining() {
             return Err(call.end(&Fault::Draining));
         }
         Ok(call)
@@ -221,6 +248,56 @@ impl Call {
         result.map_err(|error| self.end(&error.into()))
     }
 
+    /// Whose limits the call counts for.
+    pub(crate) fn client(&self) -> &Arc<str> {
+        &self.client
+    }
+
+    /// Time to the deadline, if there is one.
+    pub(crate) fn time_left(&self) -> Option<Duration> {
+        self.deadline.map(|at| at.saturating_duration_since(Instant::now()))
+    }
+
+    /// Starts work that goes on after the call, without its deadline.
+    pub(crate) fn start(
+        &self,
+        target: &Target,
+        work: impl FnOnce(&Shared, &Run<'_>, &Target) -> EngineResult<v1::operation::Outcome> + Send + 'static,
+    ) -> Result<Arc<Operation>, Fault> {
+        if self.shared.pool.is_full() {
+            return Err(Fault::QueueFull { queued: self.shared.pool.queued() });
+        }
+        let id = self.shared.pool.next_call.fetch_add(1, Ordering::Relaxed);
+        let token = CancelToken::new();
+        self.shared.pool.calls().insert(id, token.clone());
+        let call = Call {
+            shared: self.shared.clone(),
+            id,
+            token: token.clone(),
+            deadline: None,
+            span: tracing::info_span!(parent: &self.span, "operation", id),
+            begin: Instant::now(),
+            ended: false,
+            method: "Operation",
+            caller: self.caller.clone(),
+            client: self.client.clone(),
+            desk: Some((target.desk.clone(), target.revision())),
+        };
+        target.desk.works.add(id, &token)?;
+        let operation = target.desk.operations.begin(target.revision(), token, self.shared.config.clock.clone())?;
+        let (started, target) = (operation.clone(), target.clone());
+        tokio::spawn(async move {
+            let moving = operation.clone();
+            let meter = Meter::new(move |progress| moving.progress(progress));
+            let result = call.work(Intent::Long, Some(meter), move |shared, run| work(shared, run, &target)).await;
+            let told = result.as_ref().err().cloned();
+            operation.end(result);
+            // For the log and the metrics only.
+            drop(call.finish(told.map_or(Ok(()), Err)));
+        });
+        Ok(started)
+    }
+
     /// Who calls.
     pub(crate) fn caller(&self) -> &Caller {
         &self.caller
@@ -236,7 +313,9 @@ impl Call {
         let target = self.shared.target(session, base_revision, &self.caller, open.id());
         let target = self.check(target)?;
         self.span.record("session", short_id(&target.session)).record("revision", target.revision());
+        let added = target.desk.works.add(self.id, &self.token);
         self.desk = Some((target.desk.clone(), target.revision()));
+        self.check(added)?;
         Ok(target)
     }
 
@@ -274,9 +353,9 @@ impl Call {
     }
 
     /// Answers with the outcome of work that is short but may wait for the disk; without a data folder it waits for nothing.
-    pub(crate) async fn on_disk<T: Send + 'static>(
+    pub(crate) async fn on_disk<T: Send + 'static, E: Into<Fault> + Send + 'static>(
         self,
-        work: impl FnOnce(&Shared) -> EngineResult<T> + Send + 'static,
+        work: impl FnOnce(&Shared) -> Result<T, E> + Send + 'static,
     ) -> Result<Response<T>, Status> {
         if !self.shared.keeper.is_on() {
             let result = work(&self.shared);
@@ -285,7 +364,7 @@ impl Call {
         let (shared, span) = (self.shared.clone(), self.span.clone());
         let done = tokio::task::spawn_blocking(move || span.in_scope(|| catch_unwind(AssertUnwindSafe(|| work(&shared))))).await;
         let result = match done {
-            Ok(Ok(result)) => result.map_err(Fault::from),
+            Ok(Ok(result)) => result.map_err(Into::into),
             Ok(Err(panic)) => Err(panicked(panic.as_ref())),
             Err(_) => Err(Fault::Draining),
         };
@@ -309,12 +388,14 @@ impl Call {
         work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<Chunks<M>> + Send + 'static,
     ) -> Result<Response<Watch<M>>, Status> {
         let result = self.work(intent, None, work).await;
-        self.finish(result.map(Watch::of_chunks))
+        let deadline = self.deadline;
+        self.finish(result.map(|chunks| Watch::of_chunks(chunks, deadline)))
     }
 
     /// Answers at once with a stream of progress that ends with the outcome of a computation on the pool.
     pub(crate) fn watch<M: Send + 'static, T: Send + 'static>(
         self,
+        intent: Intent,
         wrap_progress: impl Fn(v1::Progress) -> M + Send + 'static,
         wrap_result: impl FnOnce(T) -> M + Send + 'static,
         work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<T> + Send + 'static,
@@ -327,7 +408,7 @@ impl Call {
                 // A client that reads slowly misses progress, never the result.
                 let _ = meter_sender.try_send(Ok(wrap_progress(progress)));
             });
-            let result = self.work(Intent::Long, Some(meter), work).await;
+            let result = self.work(intent, Some(meter), work).await;
             let last = self.finish(result).map(|response| wrap_result(response.into_inner()));
             let _ = sender.send(last).await;
         };
@@ -372,15 +453,21 @@ impl Call {
         work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<T> + Send + 'static,
     ) -> Result<T, Fault> {
         let shared = self.shared.clone();
-        let token = self.token.clone();
+        let (token, gate) = (self.token.clone(), shared.gate.clone());
+        let token = match intent {
+            Intent::Short => token.urgent(&gate),
+            Intent::Long => token.batch(&gate),
+        };
         let span = self.span.clone();
+        let held = shared.clients.begin(&self.client, shared.config.max_jobs_per_client)?;
         let job = async move {
             let permit = shared.pool.permit(intent).await?;
             shared.pool.running.fetch_add(1, Ordering::Relaxed);
             let running = Running(shared.pool.running.clone());
             let blocking = move || {
                 let _entered = span.enter();
-                let (_permit, _running) = (permit, running);
+                let (_permit, _running, _held) = (permit, running, held);
+                let _urgent = (intent == Intent::Short).then(|| gate.enter());
                 catch_unwind(AssertUnwindSafe(|| {
                     let events = |event: &remesh_engine::pipeline::Event| {
                         shared.metrics.on(event);
@@ -404,7 +491,8 @@ impl Call {
     }
 }
 
-fn too_late() -> EngineError {
+/// The deadline of a call has passed.
+pub(crate) fn too_late() -> EngineError {
     EngineError::new(Reason::DeadlineExceeded, "the deadline passed before the work was done")
 }
 

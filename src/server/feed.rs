@@ -2,6 +2,8 @@
 
 use crate::config::Clock;
 use crate::convert::to_proto;
+use crate::dispatch::too_late;
+use crate::status::status_of;
 use crate::stream::Watch;
 use remesh_engine::work::CancelToken;
 use remesh_proto::v1;
@@ -186,24 +188,44 @@ impl Drop for Seat {
 }
 
 /// The events as a stream that ends with the session. What the reader does not take waits in the ring, not in the writer.
-pub(crate) fn follow(feed: Arc<Feed>, start: Start, without_stages: bool, seat: Seat) -> Watch<v1::WatchSessionResponse> {
+/// It also ends when `time_left` has passed, the deadline of the call.
+pub(crate) fn follow(
+    feed: Arc<Feed>,
+    start: Start,
+    without_stages: bool,
+    seat: Seat,
+    time_left: Option<Duration>,
+) -> Watch<v1::WatchSessionResponse> {
     let (sender, receiver) = mpsc::channel(IN_FLIGHT);
     let mut last = feed.last.subscribe();
     let mut cursor = feed.cursor(start, without_stages);
+    let end = time_left.and_then(|left| tokio::time::Instant::now().checked_add(left));
     tokio::spawn(async move {
         let _seat = seat;
-        loop {
-            last.borrow_and_update();
-            while let Some(event) = feed.next(&mut cursor) {
-                let is_last = matches!(event.event, Some(Event::SessionClosed(_)));
-                if sender.send(Ok(event)).await.is_err() || is_last {
-                    return;
+        let told = sender.clone();
+        let read = async move {
+            loop {
+                last.borrow_and_update();
+                while let Some(event) = feed.next(&mut cursor) {
+                    let is_last = matches!(event.event, Some(Event::SessionClosed(_)));
+                    if sender.send(Ok(event)).await.is_err() || is_last {
+                        return;
+                    }
+                }
+                tokio::time::sleep(PACE).await;
+                tokio::select! {
+                    changed = last.changed() => if changed.is_err() { return },
+                    () = sender.closed() => return,
                 }
             }
-            tokio::time::sleep(PACE).await;
-            tokio::select! {
-                changed = last.changed() => if changed.is_err() { return },
-                () = sender.closed() => return,
+        };
+        match end {
+            None => read.await,
+            Some(end) => {
+                if tokio::time::timeout_at(end, read).await.is_err() {
+                    // A reader that reads nothing any more is not waited for.
+                    let _ = told.try_send(Err(status_of(&too_late().into())));
+                }
             }
         }
     });

@@ -1,12 +1,14 @@
 //! From a listener to a running server, and back to silence: routes, health, reflection, drain.
 
 use crate::config::{MESSAGE_OVERHEAD_BYTES, ServerConfig};
+use crate::guarded::guarded;
 use crate::health;
 use crate::metrics::serve_metrics;
 use crate::security::TlsIncoming;
 use crate::service::capability::Capabilities;
 use crate::service::chart::ChartMaps;
 use crate::service::mesh::Meshes;
+use crate::service::operation::OperationsService;
 use crate::service::partition::Partitions;
 use crate::service::quality::Qualities;
 use crate::service::remesh::Remeshes;
@@ -18,6 +20,7 @@ use remesh_proto::FILE_DESCRIPTOR_SET;
 use remesh_proto::v1::capability_service_server::CapabilityServiceServer;
 use remesh_proto::v1::chart_service_server::ChartServiceServer;
 use remesh_proto::v1::mesh_service_server::MeshServiceServer;
+use remesh_proto::v1::operation_service_server::OperationServiceServer;
 use remesh_proto::v1::partition_service_server::PartitionServiceServer;
 use remesh_proto::v1::quality_service_server::QualityServiceServer;
 use remesh_proto::v1::remesh_service_server::RemeshServiceServer;
@@ -56,8 +59,14 @@ pub enum ServeError {
 
 /// Time that cancelled calls have to say so before their connections are cut.
 const LAST_WORDS: Duration = Duration::from_secs(2);
-const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(60);
+const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(30);
 const KEEPALIVE_TIMEOUT: Duration = Duration::from_secs(20);
+/// Calls on one connection at a time.
+const MAX_STREAMS: u32 = 1024;
+/// Headers of a call together; a JWT fits.
+const MAX_HEADER_BYTES: u32 = 32 << 10;
+/// Calls that a client took back before they were begun; a connection with more is cut.
+const MAX_RESETS: usize = 64;
 /// Bytes in flight on a private pipe.
 const PIPE_BYTES: usize = 1 << 20;
 
@@ -93,9 +102,9 @@ pub async fn serve_with_metrics(
     };
     let router = builder().add_routes(routes);
     let mut server: Pin<Box<dyn Future<Output = Result<(), tonic::transport::Error>> + Send>> = if security.is_encrypted() {
-        Box::pin(router.serve_with_incoming_shutdown(TlsIncoming::new(incoming, security.clone()), stopped))
+        Box::pin(router.serve_with_incoming_shutdown(guarded(&shared, TlsIncoming::new(incoming, security.clone())), stopped))
     } else {
-        Box::pin(router.serve_with_incoming_shutdown(incoming, stopped))
+        Box::pin(router.serve_with_incoming_shutdown(guarded(&shared, incoming), stopped))
     };
     let outcome = tokio::select! {
         ended = &mut server => ended.map_err(ServeError::from),
@@ -158,7 +167,9 @@ fn builder() -> Server {
     Server::builder()
         .http2_keepalive_interval(Some(KEEPALIVE_INTERVAL))
         .http2_keepalive_timeout(Some(KEEPALIVE_TIMEOUT))
-        .max_concurrent_streams(Some(1024))
+        .max_concurrent_streams(Some(MAX_STREAMS))
+        .http2_max_header_list_size(Some(MAX_HEADER_BYTES))
+        .http2_max_pending_accept_reset_streams(Some(MAX_RESETS))
 }
 
 /// Opens pipes to the private server.
@@ -238,6 +249,7 @@ async fn routes(shared: &Arc<Shared>) -> Result<(HealthReporter, Routes), ServeE
     add!(CapabilityServiceServer, Capabilities(shared.clone()), usual);
     add!(ChartServiceServer, ChartMaps(shared.clone()), usual);
     add!(MeshServiceServer, Meshes(shared.clone()), usual);
+    add!(OperationServiceServer, OperationsService(shared.clone()), usual);
     add!(PartitionServiceServer, Partitions(shared.clone()), usual);
     add!(QualityServiceServer, Qualities(shared.clone()), usual);
     add!(RemeshServiceServer, Remeshes(shared.clone()), large);

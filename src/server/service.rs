@@ -3,6 +3,7 @@
 pub(crate) mod capability;
 pub(crate) mod chart;
 pub(crate) mod mesh;
+pub(crate) mod operation;
 pub(crate) mod partition;
 pub(crate) mod patch_chart;
 pub(crate) mod patch_edit;

@@ -5,18 +5,21 @@ use crate::config::ServerConfig;
 pub(crate) use crate::desk::Target;
 use crate::desk::{Desk, short_id};
 use crate::dispatch::Pool;
+use crate::jobs::Clients;
 use crate::keep::snapshot::Restored;
 use crate::keep::{Keeper, Opened};
 use crate::metrics::Metrics;
 use crate::service::upload::Uploads;
+use crate::status::Fault;
 use remesh_engine::EngineError;
 use remesh_engine::engine::Engine;
 use remesh_engine::error::{Reason, Result as EngineResult};
 use remesh_engine::session::{Revision, Session};
+use remesh_engine::work::Gate;
 use remesh_proto::v1;
 use remesh_store::StoreError;
 use std::collections::{HashMap, HashSet};
-use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -33,6 +36,10 @@ pub(crate) struct Shared {
     pub(crate) uploads: Uploads,
     /// What has happened.
     pub(crate) metrics: Metrics,
+    /// Jobs of each client.
+    pub(crate) clients: Clients,
+    /// Where batch work lets interactive work pass.
+    pub(crate) gate: Gate,
     /// What outlives the server.
     pub(crate) keeper: Keeper,
     /// Readers of events.
@@ -68,9 +75,18 @@ impl Shared {
         let opened = config.keeping.as_ref().map(|keeping| Opened::folder(keeping, &engine, &config.clock)).transpose()?;
         let Opened { keeper, desks, leftovers } = opened.unwrap_or_default();
         let pool = Pool::new(config.max_running, config.max_running_short, config.max_queued);
-        let uploads = Uploads::of(leftovers, config.clock.now());
-        let (metrics, watchers, desks) = (Metrics::default(), Arc::default(), Mutex::new(desks));
-        Ok(Arc::new(Shared { config, engine, pool, uploads, metrics, keeper, watchers, desks }))
+        Ok(Arc::new(Shared {
+            uploads: Uploads::of(leftovers, config.clock.now()),
+            config,
+            engine,
+            pool,
+            metrics: Metrics::default(),
+            clients: Clients::default(),
+            gate: Gate::default(),
+            keeper,
+            watchers: Arc::default(),
+            desks: Mutex::new(desks),
+        }))
     }
 
     fn desks(&self) -> MutexGuard<'_, HashMap<String, Arc<Desk>>> {
@@ -122,38 +138,89 @@ impl Shared {
     }
 
     /// Opens a session for a caller.
-    pub(crate) fn create_session(&self, ttl: Option<Duration>, display_name: String, caller: &Caller) -> EngineResult<(Arc<Session>, Arc<Desk>)> {
-        let session = self.engine.create_session(ttl, self.config.clock.now())?;
-        let desk = Arc::new(Desk::new(display_name, caller.clone(), self.config.clock.clone()));
+    ///
+    /// # Errors
+    /// [`Reason::LimitReached`] if it has as many as one client may have, or the daemon as many as it may; those of the data folder.
+    pub(crate) fn create_session(
+        &self,
+        ttl: Option<Duration>,
+        display_name: String,
+        caller: &Caller,
+        client: &Arc<str>,
+    ) -> Result<(Arc<Session>, Arc<Desk>), Fault> {
+        let desk = Desk::new(display_name, caller.clone(), client.clone(), self.config.clock.clone());
+        let (session, desk) = self.admit(desk, || self.engine.create_session(ttl, self.config.clock.now()))?;
         if let Err(error) = self.keeper.put_session(&session, &desk) {
-            self.engine.delete_session(&session.id)?;
-            return Err(error);
+            self.forget(&session)?;
+            return Err(error.into());
         }
-        self.desks().insert(session.id.clone(), desk.clone());
         tracing::info!(target: "audit", action = "create", session = short_id(&session), author = caller.name());
         Ok((session, desk))
     }
 
+    /// Gives a new session its place among those of its client.
+    fn admit(&self, desk: Desk, open: impl FnOnce() -> EngineResult<Arc<Session>>) -> Result<(Arc<Session>, Arc<Desk>), Fault> {
+        let mut desks = self.desks();
+        let most = self.config.max_sessions_per_client;
+        if desks.values().filter(|other| other.client == desk.client).count() >= most {
+            return Err(Fault::ClientLimit { limit: "max_sessions_per_client", most: most as u64 });
+        }
+        let (session, desk) = (open()?, Arc::new(desk));
+        desks.insert(session.id.clone(), desk.clone());
+        Ok((session, desk))
+    }
+
+    /// Takes back a session that could not be kept.
+    fn forget(&self, session: &Session) -> EngineResult<()> {
+        self.desks().remove(&session.id);
+        self.engine.delete_session(&session.id)
+    }
+
+    /// Whether a session may get a surface of so many faces, beside those of all others and those of the same client.
+    pub(crate) fn check_faces(&self, of: &Arc<Desk>, faces: u64) -> EngineResult<()> {
+        let desks = self.desks();
+        let others = || desks.values().filter(|desk| !Arc::ptr_eq(desk, of));
+        let sum = |own: bool| others().filter(|d| !own || d.client == of.client).map(|d| d.faces.load(Ordering::Relaxed)).sum::<u64>();
+        let limits = [
+            ("max_open_faces", self.config.max_open_faces, sum(false)),
+            ("max_open_faces_per_client", self.config.max_open_faces_per_client, sum(true)),
+        ];
+        match limits.into_iter().find(|(_, most, others)| others.saturating_add(faces) > *most) {
+            None => Ok(()),
+            Some((limit, most, others)) => {
+                let message = format!("open sessions have {others} faces, {faces} more would exceed the limit of {most}");
+                Err(EngineError::new(Reason::LimitReached, message)
+                    .with_hint("delete a session that is no longer needed")
+                    .with_metadata("limit", limit)
+                    .with_metadata("retry", "when sessions have ended"))
+            }
+        }
+    }
+
     /// Opens a session for a caller with the past of a snapshot.
+    ///
+    /// # Errors
+    /// As [`Shared::create_session`].
     pub(crate) fn restore_session(
         &self,
         ttl: Option<Duration>,
         display_name: String,
         restored: &Restored,
         caller: &Caller,
-    ) -> EngineResult<(Arc<Session>, Arc<Desk>)> {
-        let session = self.engine.restore_session(ttl, self.config.clock.now(), restored.past.clone())?;
-        let desk = Arc::new(Desk::new(display_name, caller.clone(), self.config.clock.clone()));
+        client: &Arc<str>,
+    ) -> Result<(Arc<Session>, Arc<Desk>), Fault> {
+        let desk = Desk::new(display_name, caller.clone(), client.clone(), self.config.clock.clone());
+        let past = restored.past.clone();
+        let (session, desk) = self.admit(desk, || self.engine.restore_session(ttl, self.config.clock.now(), past))?;
         restored.meshes.iter().for_each(|(snapshot, summary)| desk.note_mesh(snapshot, summary.clone()));
         let kept = {
             let mut ledger = desk.ledger.lock().unwrap_or_else(PoisonError::into_inner);
             ledger.record_all(&self.keeper, &session, &desk, &restored.whole)
         };
         if let Err(error) = kept {
-            self.engine.delete_session(&session.id)?;
-            return Err(error);
+            self.forget(&session)?;
+            return Err(error.into());
         }
-        self.desks().insert(session.id.clone(), desk.clone());
         tracing::info!(target: "audit", action = "restore", session = short_id(&session), author = caller.name());
         Ok((session, desk))
     }
@@ -163,7 +230,7 @@ impl Shared {
         self.keeper.delete_session(&session.id)?;
         self.engine.delete_session(&session.id)?;
         if let Some(desk) = self.desks().remove(&session.id) {
-            desk.feed.close(session.revision().0, v1::SessionEnd::Deleted);
+            desk.close(session.revision().0, v1::SessionEnd::Deleted);
         }
         tracing::info!(target: "audit", action = "delete", session = short_id(session), author = caller.name());
         Ok(())
@@ -206,7 +273,7 @@ impl Shared {
             drop(desks);
             for (id, desk) in expired {
                 tracing::info!(target: "audit", action = "expire", session = id.get(..8), author = "");
-                desk.feed.close(0, v1::SessionEnd::Expired);
+                desk.close(0, v1::SessionEnd::Expired);
                 if let Err(error) = self.keeper.delete_session(&id) {
                     tracing::error!(%error, session = id.get(..8), "an expired session is still in the data folder; it goes after the next start");
                 }

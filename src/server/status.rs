@@ -18,6 +18,18 @@ pub(crate) enum Fault {
         /// How many wait.
         queued: usize,
     },
+    /// A client has, or asks for, more than one client may have.
+    ClientLimit {
+        /// Name of the limit.
+        limit: &'static str,
+        /// How much it is.
+        most: u64,
+    },
+    /// The session has no such operation.
+    OperationNotFound {
+        /// Its number.
+        number: u64,
+    },
     /// As many streams of events are open as may be.
     TooManyWatchers {
         /// How many.
@@ -144,6 +156,19 @@ fn parts_of(fault: &Fault) -> Parts {
             retry: true,
             ..plain(Code::ResourceExhausted, "QUEUE_FULL", format!("the daemon is busy: {queued} calls are waiting; try again later"))
         },
+        Fault::ClientLimit { limit, most } => Parts {
+            metadata: vec![("limit".to_owned(), (*limit).to_owned()), ((*limit).to_owned(), most.to_string())],
+            retry: true,
+            ..plain(
+                Code::ResourceExhausted,
+                "LIMIT_REACHED",
+                format!("one client may have {most}, no more ({limit}); try again when less is on"),
+            )
+        },
+        Fault::OperationNotFound { number } => {
+            let message = format!("the session has no operation {number}: it was never started, or ended long ago");
+            plain(Code::NotFound, "OPERATION_NOT_FOUND", message)
+        }
         Fault::TooManyWatchers { most } => Parts {
             metadata: vec![("limit".to_owned(), "max_watchers".to_owned())],
             retry: true,

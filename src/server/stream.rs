@@ -1,12 +1,15 @@
 //! Streams that a call answers with: progress until the result, or bulk data cut into chunks as the client takes them.
 
 use crate::config::CHUNK_BYTES;
+use crate::dispatch::too_late;
+use crate::status::status_of;
 use bytes::Bytes;
 use remesh_engine::work::CancelToken;
 use remesh_proto::v1;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll};
+use std::time::Instant;
 use tokio::sync::mpsc;
 use tokio_stream::Stream;
 use tonic::Status;
@@ -23,8 +26,8 @@ pub(crate) enum Watch<M> {
         /// Stops the work.
         token: CancelToken,
     },
-    /// Bulk data.
-    Chunks(Chunks<M>),
+    /// Bulk data, until the deadline of the call.
+    Chunks(Chunks<M>, Option<Instant>),
 }
 
 impl<M> Watch<M> {
@@ -32,8 +35,8 @@ impl<M> Watch<M> {
         Watch::Progress { receiver, token }
     }
 
-    pub(crate) fn of_chunks(chunks: Chunks<M>) -> Self {
-        Watch::Chunks(chunks)
+    pub(crate) fn of_chunks(chunks: Chunks<M>, deadline: Option<Instant>) -> Self {
+        Watch::Chunks(chunks, deadline)
     }
 }
 
@@ -51,7 +54,8 @@ impl<M> Stream for Watch<M> {
     fn poll_next(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Self::Item>> {
         match &mut *self {
             Watch::Progress { receiver, .. } => receiver.poll_recv(context),
-            Watch::Chunks(chunks) => Poll::Ready(chunks.next().map(Ok)),
+            Watch::Chunks(_, Some(deadline)) if Instant::now() > *deadline => Poll::Ready(Some(Err(status_of(&too_late().into())))),
+            Watch::Chunks(chunks, _) => Poll::Ready(chunks.next().map(Ok)),
         }
     }
 }

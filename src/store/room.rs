@@ -61,7 +61,9 @@ impl Room {
         let Ok(disk) = rustix::fs::statvfs(&self.folder) else { return Ok(()) };
         let free = disk.f_bavail.saturating_mul(disk.f_frsize);
         if free < bytes.saturating_add(RESERVE) {
-            return Err(StoreError::Full { what: format!("{free} bytes are free on the disk, {bytes} are asked for and {RESERVE} kept free") });
+            return Err(StoreError::Full {
+                what: format!("{free} bytes are free on the disk, {bytes} are asked for and {RESERVE} kept free"),
+            });
         }
         Ok(())
     }

@@ -63,7 +63,8 @@ fn random_edit(dice: &mut Dice, blobs: &[String], number: u64) -> Edit {
         1 => return Edit::Redo(v1::RedoChangeRequest { request_id, ..Default::default() }),
         2 => {
             use v1::import_mesh_request::Source;
-            let sample = v1::SampleSpec { kind: v1::SampleKind::Tube.into(), triangles: Some(200 + 50 * dice.below(4)), ..Default::default() };
+            let sample =
+                v1::SampleSpec { kind: v1::SampleKind::Tube.into(), triangles: Some(200 + 50 * dice.below(4)), ..Default::default() };
             let source = match blobs {
                 [] => Source::Sample(sample),
                 _ if dice.below(2) == 0 => Source::Sample(sample),
@@ -147,7 +148,9 @@ impl Pair {
                 true
             }
             (ours, theirs) => {
-                let reason = |result: &Result<Vec<u8>, remesh_client::ClientError>| result.as_ref().err().and_then(|e| e.reason().map(str::to_owned));
+                let reason = |result: &Result<Vec<u8>, remesh_client::ClientError>| {
+                    result.as_ref().err().and_then(|e| e.reason().map(str::to_owned))
+                };
                 assert_eq!(reason(&ours), reason(&theirs));
                 assert!(reason(&ours).is_some());
                 false
@@ -244,7 +247,9 @@ async fn nothing_that_was_acknowledged_is_lost() {
     }
     let edits: u64 = pairs.iter().map(|pair| pair.sent).sum();
     let files = uploaded.lock().expect("not poisoned").len();
-    println!("{kills} kills, {edits} edits ({open} under way at a kill), {files} files, {compared} results compared, slowest start {slowest:?}");
+    println!(
+        "{kills} kills, {edits} edits ({open} under way at a kill), {files} files, {compared} results compared, slowest start {slowest:?}"
+    );
     assert!(edits > kills, "there was something to lose");
 }
 

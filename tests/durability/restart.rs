@@ -19,8 +19,7 @@ async fn tube(client: &Client, name: &str) -> String {
 }
 
 async fn result(client: &Client, session: &str) -> Vec<u8> {
-    let request =
-        v1::ExportMeshRequest { session: session.to_owned(), format: v1::MeshFormat::Off.into(), ..Default::default() };
+    let request = v1::ExportMeshRequest { session: session.to_owned(), format: v1::MeshFormat::Off.into(), ..Default::default() };
     client.export(request, |_, _| {}).await.expect("export").bytes
 }
 

@@ -34,6 +34,11 @@ fn config_of(settings: &Settings) -> ServerConfig {
     config.max_running = settings.max_running.get();
     config.max_queued = settings.max_queued;
     config.max_watchers = settings.max_watchers;
+    config.max_jobs_per_client = settings.max_jobs_per_client.get();
+    config.max_sessions_per_client = settings.max_sessions_per_client.get();
+    config.max_open_faces = settings.max_open_faces;
+    config.max_open_faces_per_client = settings.max_open_faces_per_client;
+    config.max_connections = settings.max_connections.get();
     config.grace = Duration::from_secs(settings.grace_seconds);
     config.upload_patience = Duration::from_secs(60 * settings.upload_grace_minutes);
     config.keeping = settings.data_dir.as_ref().map(|folder| Keeping {

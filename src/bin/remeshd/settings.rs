@@ -51,6 +51,12 @@ pub(crate) enum Verb {
     },
 }
 
+/// A number that must not be 0.
+fn at_least_one(text: &str) -> Result<NonZeroUsize, String> {
+    let number: usize = text.parse().map_err(|_| "is not a whole number".to_owned())?;
+    NonZeroUsize::new(number).ok_or_else(|| "must be at least 1".to_owned())
+}
+
 /// What a health check asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Probe {
@@ -67,35 +73,50 @@ pub(crate) struct Settings {
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:50061")]
     pub(crate) listen: SocketAddr,
     /// Threads that one call may compute with [default: all]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = at_least_one)]
     pub(crate) threads: Option<NonZeroUsize>,
     /// Megabytes that the daemon may take in all, as the limit of its container; half of them become the cache unless cache_mb is set
-    #[arg(long, value_name = "MB")]
+    #[arg(long, value_name = "MB", value_parser = at_least_one)]
     pub(crate) memory_mb: Option<NonZeroUsize>,
     /// Megabytes of stage outputs kept [default: half of memory_mb, or 2048]
     #[arg(long, value_name = "MB")]
     pub(crate) cache_mb: Option<usize>,
     /// Sessions open at a time
-    #[arg(long, value_name = "N", default_value = "256")]
+    #[arg(long, value_name = "N", default_value = "256", value_parser = at_least_one)]
     pub(crate) max_sessions: NonZeroUsize,
     /// Most faces of an imported surface
     #[arg(long, value_name = "N", default_value_t = 10_000_000, value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     pub(crate) max_faces: u64,
     /// Megabytes of one uploaded file
-    #[arg(long, value_name = "MB", default_value = "1024")]
+    #[arg(long, value_name = "MB", default_value = "1024", value_parser = at_least_one)]
     pub(crate) max_upload_mb: NonZeroUsize,
     /// Megabytes of all uploaded files together
-    #[arg(long, value_name = "MB", default_value = "4096")]
+    #[arg(long, value_name = "MB", default_value = "4096", value_parser = at_least_one)]
     pub(crate) max_uploads_mb: NonZeroUsize,
     /// Megabytes of a file inside a RemeshMesh message
-    #[arg(long, value_name = "MB", default_value = "64")]
+    #[arg(long, value_name = "MB", default_value = "64", value_parser = at_least_one)]
     pub(crate) max_inline_mb: NonZeroUsize,
     /// Long calls that compute at the same time
-    #[arg(long, value_name = "N", default_value = "2")]
+    #[arg(long, value_name = "N", default_value = "2", value_parser = at_least_one)]
     pub(crate) max_running: NonZeroUsize,
     /// Calls that wait for their turn; more are refused
     #[arg(long, value_name = "N", default_value_t = 64)]
     pub(crate) max_queued: usize,
+    /// Calls of one client that compute or wait to; more are refused. A client is a name, or an address if callers have no names
+    #[arg(long, value_name = "N", default_value = "48", value_parser = at_least_one)]
+    pub(crate) max_jobs_per_client: NonZeroUsize,
+    /// Sessions of one client
+    #[arg(long, value_name = "N", default_value = "256", value_parser = at_least_one)]
+    pub(crate) max_sessions_per_client: NonZeroUsize,
+    /// Faces of the surfaces of all sessions together
+    #[arg(long, value_name = "N", default_value_t = 100_000_000)]
+    pub(crate) max_open_faces: u64,
+    /// Faces of the surfaces of the sessions of one client together
+    #[arg(long, value_name = "N", default_value_t = 100_000_000)]
+    pub(crate) max_open_faces_per_client: u64,
+    /// Connections open at a time; more are closed as they come
+    #[arg(long, value_name = "N", default_value = "1024", value_parser = at_least_one)]
+    pub(crate) max_connections: NonZeroUsize,
     /// Streams of session events open at a time
     #[arg(long, value_name = "N", default_value_t = 1024)]
     pub(crate) max_watchers: usize,

@@ -165,6 +165,10 @@ pub(crate) async fn status(context: &Context) -> Outcome<Report> {
             "default_ttl_seconds": seconds(&limits.default_ttl),
             "max_running": limits.max_running,
             "max_queued": limits.max_queued,
+            "max_jobs_per_client": limits.max_jobs_per_client,
+            "max_sessions_per_client": limits.max_sessions_per_client,
+            "max_open_faces": limits.max_open_faces,
+            "max_open_faces_per_client": limits.max_open_faces_per_client,
         },
         "cache": {
             "bytes": cache.cache_bytes,

@@ -151,7 +151,9 @@ pub(crate) fn plan_report(revision: u64, stages: &[v1::PlannedStage], [hits, run
         text += &format!("{:<8} {} {}{cost}\n", if hit { "cached" } else { "will run" }, stage.stage, stage.subject);
     }
     let about = summary::seconds(estimated);
-    text += &summary::line("plan", format!("{hits} cached, {runs} to run, about {about} as far as known"));
+    let bytes: u64 = stages.iter().filter(|s| s.outcome() == v1::StageOutcome::Run).map(|s| s.bytes).sum();
+    let memory = summary::size(bytes);
+    text += &summary::line("plan", format!("{hits} cached, {runs} to run, about {about} and {memory} as far as known"));
     let stage = |s: &v1::PlannedStage| {
         json!({
             "stage": s.stage,
@@ -167,6 +169,7 @@ pub(crate) fn plan_report(revision: u64, stages: &[v1::PlannedStage], [hits, run
         "hits": hits,
         "runs": runs,
         "estimated_milliseconds": estimated,
+        "estimated_bytes": bytes,
     });
     Report { text, json }
 }

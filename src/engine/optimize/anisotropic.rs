@@ -68,6 +68,9 @@ pub fn optimize_in_metric(
     if spec.rounds > 0 {
         let mut measured = Measured { state: &mut state, input, metric, tensors: Vec::new() };
         for v in 0..measured.state.mesh.vertex_slots() {
+            if v.is_multiple_of(CHECK_EVERY) {
+                work.check()?;
+            }
             measured.renew(v);
         }
         for round in 0..spec.rounds {
@@ -137,6 +140,7 @@ impl Measured<'_, '_> {
 
     fn split_long(&mut self, work: &Work<'_>) -> Result<()> {
         for _ in 0..6 {
+            work.check()?;
             let mut long = self.edges(|l| l > LONG);
             long.sort_unstable_by(|x, y| y.0.total_cmp(&x.0).then(x.1.cmp(&y.1)));
             let mut changed = 0;
@@ -160,6 +164,7 @@ impl Measured<'_, '_> {
 
     fn collapse_short(&mut self, work: &Work<'_>) -> Result<()> {
         for _ in 0..4 {
+            work.check()?;
             let mut short = self.edges(|l| l < SHORT);
             short.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
             let mut changed = 0;

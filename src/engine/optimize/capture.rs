@@ -43,6 +43,7 @@ pub(super) fn capture(state: &mut State<'_>, work: &Work<'_>) -> Result<usize> {
     if candidates.is_empty() {
         return Ok(0);
     }
+    work.check()?;
     let nearby = Nearby::new(&state.mesh);
     let mut lost = find_lost(state, &nearby, &candidates, work)?;
     lost.sort_unstable_by(|x, y| y.distance.total_cmp(&x.distance).then(x.vertex.cmp(&y.vertex)));

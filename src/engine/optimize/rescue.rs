@@ -51,6 +51,7 @@ pub(super) fn rescue(state: &mut State<'_>, target: f64, effort: Effort, work: &
     let mut bad: Vec<(f64, u32)> = state.mesh.faces_left().map(|f| (state.kappa(f), f)).filter(|x| x.0 < target).collect();
     bad.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
     bad.truncate((state.mesh.faces_left().count() / ONE_IN).clamp(LEAST_FACES, MOST_FACES));
+    work.check()?;
     let nearby = (effort == Effort::Whole && !bad.is_empty()).then(|| Nearby::new(&state.mesh));
     let (mut taken, mut idle) = (0, 0);
     for (_, f) in bad {
@@ -178,13 +179,7 @@ fn best_trial<'a>(
 }
 
 /// One trial for each first step at a face, best first; up to the first that is acceptable and leaves nothing bad.
-fn try_all<'a>(
-    start: &State<'a>,
-    face: u32,
-    target: f64,
-    accept: impl Fn(&State<'a>) -> bool,
-    work: &Work<'_>,
-) -> Result<Vec<Trial<'a>>> {
+fn try_all<'a>(start: &State<'a>, face: u32, target: f64, accept: impl Fn(&State<'a>) -> bool, work: &Work<'_>) -> Result<Vec<Trial<'a>>> {
     let mut trials: Vec<Trial<'a>> = Vec::new();
     for first in first_steps(start, face) {
         let mut trial = start.clone();

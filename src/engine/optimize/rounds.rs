@@ -19,6 +19,7 @@ const CHECK_EVERY: u32 = 1024;
 pub(super) fn split_long(state: &mut State<'_>, since: u32, work: &Work<'_>) -> Result<u32> {
     let mut since = since;
     for _ in 0..12 {
+        work.check()?;
         let sweep = state.activity.begin();
         let mut long: Vec<(f64, u32)> = new_edges(state, since)
             .into_iter()
@@ -48,6 +49,7 @@ pub(super) fn split_long(state: &mut State<'_>, since: u32, work: &Work<'_>) -> 
 pub(super) fn collapse_short(state: &mut State<'_>, since: u32, work: &Work<'_>) -> Result<u32> {
     let mut since = since;
     for _ in 0..12 {
+        work.check()?;
         let sweep = state.activity.begin();
         let mut short: Vec<(f64, u32)> = new_edges(state, since).into_iter().map(|h| (state.ratio(h), h)).filter(|x| x.0 < SHORT).collect();
         short.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));

@@ -52,7 +52,9 @@ impl Nearby {
 /// Repairs; returns the number of faces that still intersect others (the input may intersect itself). After the first round only what
 /// repairs have changed is looked at again.
 pub(super) fn untangle(state: &mut State<'_>, work: &Work<'_>) -> Result<usize> {
+    work.check()?;
     let nearby = Nearby::new(&state.mesh);
+    work.check()?;
     let mut faces = intersecting_faces(&state.mesh, &nearby, work)?;
     for _ in 0..MOST_ROUNDS {
         let since = state.activity.begin();

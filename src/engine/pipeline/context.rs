@@ -5,7 +5,8 @@ use crate::engine::Engine;
 use crate::error::{EngineError, Result};
 use crate::fingerprint::Contents;
 use crate::parallel::map_indices;
-use crate::stage::{Outcome, Stage, StageKey, StageRecord, Stored, Subject};
+use crate::stage::cost::Sizes;
+use crate::stage::{Estimate, Outcome, Stage, StageKey, StageRecord, Stored, Subject};
 use crate::work::{CancelToken, Work};
 use std::any::Any;
 use std::collections::HashSet;
@@ -80,12 +81,14 @@ pub(super) struct Context<'a> {
     run: &'a Run<'a>,
     mode: Mode,
     records: Mutex<Vec<StageRecord>>,
+    /// How large things are, as far as the walk knows by now.
+    sizes: Mutex<Sizes>,
 }
 
 impl<'a> Context<'a> {
     /// Carries out `steps`.
     pub(super) fn execute<T>(engine: &'a Engine, run: &'a Run<'a>, steps: impl FnOnce(&Self) -> Step<T>) -> Result<Answer<T>> {
-        let context = Context { engine, run, mode: Mode::Execute, records: Mutex::default() };
+        let context = Context { engine, run, mode: Mode::Execute, records: Mutex::default(), sizes: Mutex::default() };
         match steps(&context) {
             Ok(value) => Ok(Answer { value, records: context.into_records() }),
             Err(Halt::Error(error)) => Err(error),
@@ -95,7 +98,7 @@ impl<'a> Context<'a> {
 
     /// Walks as far as outputs are cached.
     pub(super) fn plan(engine: &'a Engine, run: &'a Run<'a>, steps: impl FnOnce(&Self) -> Step<()>) -> Result<Vec<StageRecord>> {
-        let context = Context { engine, run, mode: Mode::Plan, records: Mutex::default() };
+        let context = Context { engine, run, mode: Mode::Plan, records: Mutex::default(), sizes: Mutex::default() };
         match steps(&context) {
             Ok(()) | Err(Halt::Unknown) => Ok(context.into_records()),
             Err(Halt::Error(error)) => Err(error),
@@ -127,15 +130,28 @@ impl<'a> Context<'a> {
             let seen: HashSet<(Stage, Subject)> = self.lock_records().iter().map(|r| (r.stage, r.subject)).collect();
             let whole = surface.iter().map(|&stage| (stage, Subject::Surface));
             for (stage, subject) in whole.chain(items.iter().copied()).filter(|item| !seen.contains(item)) {
-                self.record(self.planned_record(stage, subject, false, 0));
+                self.record(self.planned_record(stage, subject, None));
             }
         }
         halt
     }
 
-    fn planned_record(&self, stage: Stage, subject: Subject, hit: bool, bytes: u64) -> StageRecord {
-        let milliseconds = if hit { 0.0 } else { self.engine.cache.mean_milliseconds(stage) };
-        StageRecord { stage, subject, outcome: if hit { Outcome::Hit } else { Outcome::Run }, milliseconds, bytes }
+    /// Tells the walk how large something is, for estimates and what is learnt from runs.
+    pub(super) fn note_sizes(&self, note: impl FnOnce(&mut Sizes)) {
+        note(&mut self.sizes.lock().unwrap_or_else(|poisoned| poisoned.into_inner()));
+    }
+
+    fn units(&self, stage: Stage, subject: Subject) -> f64 {
+        self.sizes.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).units(stage, subject)
+    }
+
+    /// What a plan tells of a stage whose output is cached with so many bytes, or will run.
+    fn planned_record(&self, stage: Stage, subject: Subject, hit: Option<u64>) -> StageRecord {
+        if let Some(bytes) = hit {
+            return StageRecord { stage, subject, outcome: Outcome::Hit, milliseconds: 0.0, bytes };
+        }
+        let Estimate { milliseconds, bytes } = self.engine.cache.costs.estimate(stage, self.units(stage, subject));
+        StageRecord { stage, subject, outcome: Outcome::Run, milliseconds, bytes: bytes as u64 }
     }
 
     /// A stage whose inputs are stages too: they are looked at only if its own output is not cached. A plan that does not find the
@@ -156,7 +172,7 @@ impl<'a> Context<'a> {
         match inputs() {
             Ok(inputs) => self.stage(key, subject, |work| compute(inputs, work)),
             Err(Halt::Unknown) => {
-                self.record(self.planned_record(key.stage, subject, false, 0));
+                self.record(self.planned_record(key.stage, subject, None));
                 Err(Halt::Unknown)
             }
             Err(halt) => Err(halt),
@@ -188,7 +204,7 @@ impl<'a> Context<'a> {
         let stage = key.stage;
         if self.mode == Mode::Plan {
             let found = self.engine.cache.peek::<T>(&key);
-            self.record(self.planned_record(stage, subject, found.is_some(), found.as_ref().map_or(0, |f| f.bytes as u64)));
+            self.record(self.planned_record(stage, subject, found.as_ref().map(|f| f.bytes as u64)));
             return found.ok_or(Halt::Unknown);
         }
         self.run.cancel.check()?;
@@ -202,6 +218,9 @@ impl<'a> Context<'a> {
         let (stored, outcome) = computed.inspect_err(|error| tracing::debug!(reason = error.reason().code(), "stage failed"))?;
         let milliseconds = begin.elapsed().as_secs_f64() * 1e3;
         let record = StageRecord { stage, subject, outcome, milliseconds, bytes: stored.bytes as u64 };
+        if outcome == Outcome::Run {
+            self.engine.cache.costs.learn(stage, self.units(stage, subject), Estimate { milliseconds, bytes: stored.bytes as f64 });
+        }
         tracing::debug!(hit = outcome == Outcome::Hit, milliseconds, bytes = record.bytes, "stage done");
         self.finished(record);
         Ok(stored)

@@ -34,11 +34,11 @@ use crate::optimize::{Interiors, Remeshed, optimize_in_metric, optimize_surface}
 use crate::parametrize::ChartOutcome;
 use crate::partition::{BorderSmoothing, Partition, partition_surface, patch_identities, split_patches};
 use crate::patch::extract_patches;
-use crate::planar::Mesher;
+use crate::planar::{LiftedPatch, Mesher};
 use crate::regions::{RegionFreedom, assign_regions};
 use crate::sample;
 use crate::session::{MeshSource, Snapshot};
-use crate::sizing::SizeField;
+use crate::sizing::{SizeBase, SizeField, SizeSpec};
 use crate::stage::{Stage, StageKey, Stored, Subject};
 use crate::topology::Topology;
 use charts::spec_and_chart_step;
@@ -61,11 +61,14 @@ pub(super) fn import_source_step(context: &Context<'_>, source: &MeshSource, opt
         source.feed(f);
         f.text(&format!("{options:?}"));
     });
-    context.stage(key, Subject::Surface, |work| match source {
+    context.note_sizes(|sizes| sizes.source = source.bytes() as f64);
+    let imported = context.stage(key, Subject::Surface, |work| match source {
         MeshSource::File(blob) => import_mesh(&blob.bytes()?, options, work),
         MeshSource::Arrays { mesh, .. } => import_arrays(SurfaceMesh::clone(mesh), options, work),
         MeshSource::Sample(spec) => import_arrays(sample::generate(spec, work)?, options, work),
-    })
+    })?;
+    context.note_sizes(|sizes| sizes.faces = imported.mesh.triangles.len() as f64);
+    Ok(imported)
 }
 
 pub(super) fn surface_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Surface> {
@@ -139,7 +142,7 @@ fn patches_step(
             f.fingerprint(cut.output);
         });
     });
-    context.stage(key, Subject::Surface, |_| {
+    let patches = context.stage(key, Subject::Surface, |_| {
         let identities = patch_identities(&surface.imported.mesh, partition);
         let (mesh, topology, features, partition): (_, _, &Features, &Partition) = match cut {
             Some(cut) => (&cut.mesh, &cut.topology, &cut.features, &cut.partition),
@@ -159,7 +162,9 @@ fn patches_step(
             (Arc::new(patch), fingerprint, Arc::new(map))
         });
         Ok(PatchSet { patches: patches.collect(), identities, network, uses })
-    })
+    })?;
+    context.note_sizes(|sizes| sizes.patches = patches.patches.iter().map(|(patch, ..)| patch.triangles.len() as f64).collect());
+    Ok(patches)
 }
 
 /// Indices of patches, those with most faces first, so that threads end at about the same time.
@@ -242,6 +247,7 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
         .chain(patches.flat_map(|p| [(Stage::Planar, p), (Stage::Lift, p), (Stage::Interior, p)]))
         .filter(|(stage, _)| *stage != Stage::Interior || snapshot.mesher != Mesher::Anisotropic)
         .collect();
+    note_wanted(context, snapshot, &charts);
     let below = |halt| context.and_below(halt, below_charts, &each);
     let wanted = size_step(context, snapshot, &charts).map_err(below)?;
     let sizes = triangle_sizes(snapshot, &wanted)?;
@@ -261,6 +267,50 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
         }
     };
     Ok(Remesh { charts, sizes: wanted, metric, assembled, result })
+}
+
+/// The listed patches up to their lifted meshes.
+pub(super) fn listed_step(
+    context: &Context<'_>,
+    snapshot: &Snapshot,
+    charts: Charts,
+    patches: &[u32],
+) -> Step<(Charts, Vec<Stored<LiftedPatch>>)> {
+    let count = charts.charts.len();
+    if let Some(&unknown) = patches.iter().find(|&&p| p as usize >= count) {
+        let message = format!("there is no patch {unknown}; the surface has {count}");
+        return Err(EngineError::new(Reason::PatchNotFound, message).into());
+    }
+    note_wanted(context, snapshot, &charts);
+    let stages: &[Stage] = match snapshot.mesher {
+        Mesher::Anisotropic => &[Stage::Planar, Stage::Lift],
+        _ => &[Stage::Planar, Stage::Lift, Stage::Interior],
+    };
+    let each: Vec<(Stage, Subject)> = patches.iter().flat_map(|&p| stages.iter().map(move |&s| (s, Subject::Patch(p)))).collect();
+    let below = |halt| context.and_below(halt, &[], &each);
+    let sizes = triangle_sizes(snapshot, &size_step(context, snapshot, &charts).map_err(below)?)?;
+    let metric = metric_step(context, snapshot, &charts, &sizes).map_err(below)?;
+    let lengths = Wanted::new(&sizes, metric.as_deref());
+    let meshes = lifted_step(context, snapshot, &charts, lengths, patches).map_err(below)?;
+    Ok((charts, meshes.lifted))
+}
+
+/// Tells the walk about how many triangles are wanted, where the specification says so by itself.
+pub(super) fn note_wanted(context: &Context<'_>, snapshot: &Snapshot, charts: &Charts) {
+    let area: f64 = charts.partition.patches.iter().map(|p| p.area).sum();
+    // An equilateral triangle of side h has the area sqrt(3)/4 h^2.
+    let of_size = |size: f64| area / (0.433 * size * size);
+    let wanted = match &snapshot.size {
+        Some(SizeSpec::Uniform { size }) => of_size(*size),
+        Some(SizeSpec::TriangleCount { triangles }) => *triangles as f64,
+        Some(SizeSpec::Composed(composed)) => match composed.base {
+            SizeBase::Triangles(triangles) => triangles as f64,
+            SizeBase::Uniform(size) => of_size(size),
+            SizeBase::MaxSize => 0.0,
+        },
+        _ => 0.0,
+    };
+    context.note_sizes(|sizes| sizes.wanted = if wanted.is_finite() { wanted } else { 0.0 });
 }
 
 /// What the optimisation is done to.

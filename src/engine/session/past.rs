@@ -47,8 +47,7 @@ impl Session {
         if !past.history.is_sorted_by(|a, b| a.revision < b.revision) {
             return Err(wrong("its revisions are out of order"));
         }
-        let state =
-            State { history: past.history.into(), steps: Stacks::of(past.undo, past.redo), ttl, last_used: last_used.max(created) };
+        let state = State { history: past.history.into(), steps: Stacks::of(past.undo, past.redo), ttl, last_used: last_used.max(created) };
         Ok(Session { id, created, writer: Mutex::default(), state: Mutex::new(state) })
     }
 

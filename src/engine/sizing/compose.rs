@@ -149,7 +149,11 @@ fn on_region(input: &SizeInput<'_>, region: &RegionChoice, size: f64, at: &dyn F
         .collect();
     if !meant.contains(&true) {
         let known: Vec<String> = regions.iter().take(20).map(|r| format!("{} {:?}", r.id, r.name)).collect();
-        let message = format!("the surface has no region {region:?}; it has {}", known.join(", "));
+        let asked = match region {
+            RegionChoice::Id(id) => format!("of number {id}"),
+            RegionChoice::Name(name) => format!("named {name:?}"),
+        };
+        let message = format!("the surface has no region {asked}; it has {}", known.join(", "));
         return Err(EngineError::bad_parameter(&at("region"), message));
     }
     let mut lengths = vec![f64::INFINITY; input.mesh.positions.len()];

@@ -1,6 +1,6 @@
 //! A cache of stage outputs: bounded in bytes, evicting by cost per byte, one computation per key at a time.
 
-use super::{Outcome, Stage, StageKey};
+use super::{CostModel, Outcome, StageKey};
 use crate::error::{EngineError, Result};
 use crate::fingerprint::{Contents, Fingerprint};
 use crate::work::CancelToken;
@@ -96,12 +96,12 @@ struct State {
     order: BTreeSet<(Priority, StageKey)>,
     clock: f64,
     usage: CacheUsage,
-    /// Runs and total nanoseconds of each stage, for plans.
-    history: HashMap<Stage, (u64, u64)>,
 }
 
 /// The cache. Shared by all sessions: keys are contents, so equal work is done once for everybody.
 pub struct StageCache {
+    /// What stages cost, for plans.
+    pub costs: CostModel,
     state: Mutex<State>,
     changed: Condvar,
 }
@@ -135,7 +135,7 @@ impl StageCache {
     /// An empty cache that holds at most `budget_bytes`, leases apart.
     pub fn new(budget_bytes: usize) -> Self {
         let usage = CacheUsage { budget_bytes: budget_bytes as u64, ..CacheUsage::default() };
-        StageCache { state: Mutex::new(State { usage, ..State::default() }), changed: Condvar::new() }
+        StageCache { costs: CostModel::default(), state: Mutex::new(State { usage, ..State::default() }), changed: Condvar::new() }
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {
@@ -151,11 +151,6 @@ impl StageCache {
     /// Brings the cache back under its budget after leases have ended. New outputs do so too; this is for quiet times.
     pub fn trim(&self) {
         self.lock().evict();
-    }
-
-    /// Mean milliseconds of the past runs of a stage; 0 if it never ran.
-    pub fn mean_milliseconds(&self, stage: Stage) -> f64 {
-        self.lock().history.get(&stage).map_or(0.0, |&(runs, nanos)| nanos as f64 * 1e-6 / runs.max(1) as f64)
     }
 
     /// The output under a key, if it is ready.
@@ -191,6 +186,8 @@ impl StageCache {
             }
             match state.slots.get(&key) {
                 Some(Slot::Computing) => {
+                    // Whoever computes it must not pause for us.
+                    let _aside = cancel.step_aside();
                     state = self.changed.wait_timeout(state, WAIT_SLICE).unwrap_or_else(|poisoned| poisoned.into_inner()).0;
                     cancel.check()?;
                 }
@@ -227,8 +224,6 @@ fn take_ready<T: Any + Send + Sync>(state: &mut State, key: &StageKey) -> Option
 impl State {
     fn keep<T: Any + Send + Sync>(&mut self, key: StageKey, stored: &Stored<T>, nanos: u64) {
         self.usage.runs += 1;
-        let history = self.history.entry(key.stage).or_default();
-        *history = (history.0 + 1, history.1 + nanos);
         let worth = nanos as f64 / stored.bytes.max(1) as f64;
         let priority = self.clock + worth;
         let entry = Entry { value: stored.value.clone(), output: stored.output, bytes: stored.bytes, worth, priority };
@@ -270,6 +265,7 @@ mod tests {
     use super::*;
     use crate::error::Reason;
     use crate::fingerprint::Feeder;
+    use crate::stage::Stage;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     #[derive(Debug, PartialEq)]

@@ -203,3 +203,31 @@ fn deviation_bounds_the_chordal_error() {
         assert!(worst >= 0.5 * deviation, "{worst} is far below {deviation}: more triangles than needed");
     }
 }
+
+/// The table of DESIGN section 2, "size on a curve": that curve and the patches beside it, no chart.
+#[test]
+fn a_size_on_a_curve_meshes_that_curve_and_its_patches_and_maps_nothing() {
+    let engine = engine();
+    let h = usual_size(&engine, &tube());
+    let cut = Change::Partition(PartitionSpec { patches: Some(8), ..PartitionSpec::default() });
+    let spec = |fields| ComposedSize { base: SizeBase::Uniform(h), fields, ..ComposedSize::default() };
+    let session = open(&engine, &[tube(), cut, size(spec(Vec::new()))]);
+    let charts = remesh(&engine, &session, 2).value.charts;
+    let (mesh, topology) = charts.ground();
+    let curve = &charts.patches.network.curves[0];
+    let center = mesh.positions[topology.origin(curve.halfedges[curve.halfedges.len() / 2]) as usize];
+    let shape = Shape::Sphere { center, radius: 1.5 * h };
+    session.apply(None, &[size(spec(vec![SizeFieldSpec::Shape(ShapeSize { shape, size: 0.5 * h, growth_rate: None })]))]).unwrap();
+    let records = remesh(&engine, &session, 2).records;
+    let of = |stage: Stage| -> BTreeSet<Subject> {
+        records.iter().filter(|r| r.stage == stage && r.outcome == Outcome::Run).map(|r| r.subject).collect()
+    };
+    for stage in [Stage::Partition, Stage::Cut, Stage::System, Stage::Factor, Stage::Boundary, Stage::Solve, Stage::Chart] {
+        assert!(of(stage).is_empty(), "{stage:?} ran");
+    }
+    let (curves, planar) = (of(Stage::Curve), of(Stage::Planar));
+    assert!(curves.contains(&Subject::Curve(0)) && curves.len() < charts.patches.network.curves.len(), "{curves:?}");
+    let beside = |p: usize| charts.patches.uses[p].iter().any(|u| curves.contains(&Subject::Curve(u.curve)));
+    let wanted: BTreeSet<Subject> = (0..charts.charts.len()).filter(|&p| beside(p)).map(|p| Subject::Patch(p as u32)).collect();
+    assert!(planar == wanted && wanted.len() < charts.charts.len(), "{planar:?} {wanted:?}");
+}

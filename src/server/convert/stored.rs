@@ -155,7 +155,8 @@ fn write(slot: Slot, snapshot: &Snapshot, mesh: Option<&v1::MeshSummary>) -> Res
         Slot::Charts => vec![Part::Charts(charts::wire(chart))],
         Slot::PatchCharts if patch_charts.is_empty() => Vec::new(),
         Slot::PatchCharts => {
-            let one = |(patch, spec): (&Fingerprint, _)| v1::StoredPatchChart { patch: patch.0.to_vec().into(), spec: Some(charts::wire(spec)) };
+            let one =
+                |(patch, spec): (&Fingerprint, _)| v1::StoredPatchChart { patch: patch.0.to_vec().into(), spec: Some(charts::wire(spec)) };
             vec![Part::PatchCharts(v1::StoredPatchCharts { charts: patch_charts.iter().map(one).collect() })]
         }
         Slot::PatchEdits => patch_edits.iter().map(|edit| Part::PatchEdit(wire_edit(edit))).collect(),
@@ -205,9 +206,7 @@ fn edit_of(stored: v1::StoredPatchEdit) -> Result<PatchEdit> {
             PatchEdit::Split { patch: patch_name(&split.patch)?, method }
         }
         Edit::Merge(merge) => PatchEdit::Merge { patches: names(&merge.patches)? },
-        Edit::Reassign(v1::StoredReassign { faces, from, to }) => {
-            PatchEdit::Reassign { faces, from: names(&from)?, to: patch_name(&to)? }
-        }
+        Edit::Reassign(v1::StoredReassign { faces, from, to }) => PatchEdit::Reassign { faces, from: names(&from)?, to: patch_name(&to)? },
     })
 }
 
@@ -316,7 +315,12 @@ mod tests {
     /// Every kind of change, with nothing at its default.
     fn changes(engine: &Engine) -> Vec<Change> {
         let blob = engine.put_blob(b"a file".to_vec()).expect("blob");
-        let options = ImportOptions { weld_tolerance: 1e-5, only_regions: vec!["a".into()], max_faces: engine.config.max_faces, ..Default::default() };
+        let options = ImportOptions {
+            weld_tolerance: 1e-5,
+            only_regions: vec!["a".into()],
+            max_faces: engine.config.max_faces,
+            ..Default::default()
+        };
         let sample = SampleSpec { kind: SampleKind::Brake, triangles: 77, genus: Some(4), outlets: None, aspect_ratio: None };
         let mesh = |source| Change::Mesh { source, options: options.clone() };
         let plane = Plane { point: [1.0, 2.0, 3.0], normal: [0.0, 0.5, 0.0] };
@@ -392,7 +396,8 @@ mod tests {
         let engine = Engine::new(EngineConfig::default());
         let part = |part| v1::StoredPart { part: Some(part) }.encode_to_vec();
         let missing = v1::StoredMesh { source: Some(v1::stored_mesh::Source::Blob("00".repeat(32))), ..Default::default() };
-        let nameless = v1::StoredPatchEdit { edit: Some(v1::stored_patch_edit::Edit::Merge(v1::StoredMerge { patches: vec![vec![1].into()] })) };
+        let nameless =
+            v1::StoredPatchEdit { edit: Some(v1::stored_patch_edit::Edit::Merge(v1::StoredMerge { patches: vec![vec![1].into()] })) };
         let cases = [
             (vec![0xff; 9], Reason::SessionUnreadable),
             (Vec::new(), Reason::SessionUnreadable),

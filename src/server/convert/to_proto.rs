@@ -55,7 +55,7 @@ fn stage_record(record: &StageRecord) -> v1::StageRecord {
     }
 }
 
-/// A plan: its stages, how many are cached, how many would run, and the sum of the estimates.
+/// A plan: its stages, how many are cached, how many would run, and the sum of the estimated times.
 pub(crate) fn plan(records: &[StageRecord]) -> (Vec<v1::PlannedStage>, u32, u32, f64) {
     let hits = records.iter().filter(|r| r.outcome == Outcome::Hit).count() as u32;
     let milliseconds = records.iter().map(|r| r.milliseconds).sum();

@@ -186,12 +186,7 @@ pub(super) fn part_names(revision: &v1::StoredRevision) -> Vec<PartId> {
 }
 
 /// A revision as it is kept.
-pub(super) fn stored_revision(
-    number: u64,
-    parts: &Parts,
-    entry: &Entry<'_>,
-    time: Option<prost_types::Timestamp>,
-) -> v1::StoredRevision {
+pub(super) fn stored_revision(number: u64, parts: &Parts, entry: &Entry<'_>, time: Option<prost_types::Timestamp>) -> v1::StoredRevision {
     v1::StoredRevision {
         revision: number,
         parts: parts.ids().map(|part| part.to_vec().into()).collect(),

@@ -40,7 +40,8 @@ struct Records {
 }
 
 fn unreadable(what: impl Into<String>) -> EngineError {
-    EngineError::new(Reason::SessionUnreadable, what.into()).with_hint("the log of the daemon tells more; delete the session, or ask for help")
+    EngineError::new(Reason::SessionUnreadable, what.into())
+        .with_hint("the log of the daemon tells more; delete the session, or ask for help")
 }
 
 fn decoded<M: Message + Default>(bytes: Option<&[u8]>, what: &str) -> Result<M> {
@@ -134,7 +135,9 @@ impl Opening<'_> {
         let keys: VecDeque<Vec<u8>> = records.answers.into_iter().map(|(key, _)| key).collect();
         let ledger = Ledger::of(kept, whole.revisions.iter().map(|r| (r.revision, part_names(r))).collect(), keys);
         let owner = header.owner.map(Caller::named).unwrap_or_default();
-        let desk = Desk::kept(header.display_name, owner, self.clock.clone(), Answers::of(answers), ledger);
+        // Where callers have no names their addresses are limited, which are not kept: such a session counts for nobody.
+        let client = owner.name().into();
+        let desk = Desk::kept(header.display_name, owner, client, self.clock.clone(), Answers::of(answers), ledger);
         meshes.into_iter().for_each(|(snapshot, summary)| desk.note_mesh(&snapshot, summary));
         Ok((session, desk))
     }

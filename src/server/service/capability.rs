@@ -33,6 +33,10 @@ fn limits(shared: &Shared) -> v1::Limits {
         default_ttl: prost_types::Duration::try_from(engine.default_ttl).ok(),
         max_running: saturated(config.max_running),
         max_queued: saturated(config.max_queued),
+        max_jobs_per_client: saturated(config.max_jobs_per_client),
+        max_sessions_per_client: saturated(config.max_sessions_per_client),
+        max_open_faces: config.max_open_faces,
+        max_open_faces_per_client: config.max_open_faces_per_client,
     }
 }
 

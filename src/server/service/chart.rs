@@ -178,7 +178,10 @@ impl ChartService for ChartMaps {
         let target = call.target(&request.session, request.expected_revision)?;
         let revision = target.revision();
         let wrap = move |event| v1::ParametrizePatchesResponse { revision, event: Some(event) };
+        let planned = target.clone();
+        let intent = call.weigh(move |shared, run| weight_of_layout(shared, run, &planned)).await;
         call.watch(
+            intent,
             move |progress| wrap(Event::Progress(progress)),
             move |result| wrap(Event::Result(result)),
             move |shared, run| parametrize(shared, run, &target, &request.patches),
@@ -228,8 +231,7 @@ impl ChartService for ChartMaps {
         let target = call.target_of_edit(&request.session, request.base_revision, &open)?;
         let planned = target.clone();
         let intent = call.weigh(move |shared, run| weight_of_layout(shared, run, &planned)).await;
-        call.compute(intent, move |shared, run| patch_chart::reset(shared, run, &target, request.patch, open))
-            .await
+        call.compute(intent, move |shared, run| patch_chart::reset(shared, run, &target, request.patch, open)).await
     }
 
     type PreviewPatchChartStream = Watch<v1::PreviewPatchChartResponse>;

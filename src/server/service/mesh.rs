@@ -44,7 +44,9 @@ fn import(
     candidate.source = Some(source.clone());
     candidate.import = options.clone();
     // Imported before it becomes a revision: a file that cannot be read leaves the session as it was.
+    shared.check_faces(&target.desk, 0)?;
     let answer = pipeline::import(&shared.engine, &candidate, run)?;
+    shared.check_faces(&target.desk, answer.value.mesh.triangles.len() as u64)?;
     let mesh = to_proto::mesh_summary(&answer.value.mesh);
     target.desk.note_mesh(&candidate, mesh.clone());
     let response = v1::ImportMeshResponse {

@@ -117,7 +117,14 @@ impl PartitionService for Partitions {
         let target = call.target(&request.session, request.expected_revision)?;
         let revision = target.revision();
         let wrap = move |event| v1::PartitionSurfaceResponse { revision, event: Some(event) };
+        let (planned, with_charts) = (target.clone(), request.with_charts);
+        let weigh = move |shared: &Shared, run: &Run<'_>| {
+            let plan = if with_charts { pipeline::plan_charts } else { pipeline::plan_partition };
+            Ok(Intent::of_plan(&plan(&shared.engine, &planned.snapshot, run)?))
+        };
+        let intent = call.weigh(weigh).await;
         call.watch(
+            intent,
             move |progress| wrap(Event::Progress(progress)),
             move |result| wrap(Event::Result(result)),
             move |shared, run| partition(shared, run, &target, request.with_charts),

@@ -84,13 +84,7 @@ pub(crate) fn update(
 }
 
 /// Takes the own spec of a patch back.
-pub(crate) fn reset(
-    shared: &Shared,
-    run: &Run<'_>,
-    target: &Target,
-    patch: u32,
-    open: Open,
-) -> EngineResult<v1::ResetPatchChartResponse> {
+pub(crate) fn reset(shared: &Shared, run: &Run<'_>, target: &Target, patch: u32, open: Open) -> EngineResult<v1::ResetPatchChartResponse> {
     let layout = layout(shared, run, target)?.value;
     let p = check_patch(&layout, patch)?;
     let identity = layout.patches.identities[p];

@@ -15,7 +15,7 @@ use tonic::{Request, Response, Status};
 #[derive(Debug, Clone)]
 pub(crate) struct Qualities(pub(crate) Arc<Shared>);
 
-fn measure(shared: &Shared, run: &Run<'_>, target: &Target, scope: i32) -> EngineResult<v1::GetQualityResponse> {
+pub(super) fn measure(shared: &Shared, run: &Run<'_>, target: &Target, scope: i32) -> EngineResult<v1::GetQualityResponse> {
     let begin = Instant::now();
     let answer = pipeline::quality(&shared.engine, &target.snapshot, from_proto::scope(scope, "scope")?, run)?;
     Ok(v1::GetQualityResponse {
@@ -43,7 +43,13 @@ impl QualityService for Qualities {
         let mut call = Call::begin(&self.0, "GetQuality", &request)?;
         let request = request.into_inner();
         let target = call.target(&request.session, request.expected_revision)?;
-        call.compute(Intent::Long, move |shared, run| measure(shared, run, &target, request.scope)).await
+        let planned = target.clone();
+        let weigh = move |shared: &Shared, run: &Run<'_>| {
+            let scope = from_proto::scope(request.scope, "scope")?;
+            Ok(Intent::of_plan(&pipeline::plan_quality(&shared.engine, &planned.snapshot, scope, run)?))
+        };
+        let intent = call.weigh(weigh).await;
+        call.compute(intent, move |shared, run| measure(shared, run, &target, request.scope)).await
     }
 
     async fn compare_meshes(&self, request: Request<v1::CompareMeshesRequest>) -> Result<Response<v1::CompareMeshesResponse>, Status> {

@@ -10,6 +10,7 @@ use remesh_engine::error::{Reason, Result as EngineResult};
 use remesh_engine::pipeline::{self, Run};
 use remesh_engine::quality::QualityScope;
 use remesh_engine::session::{Change, Session, Snapshot};
+use remesh_engine::stage::{Outcome, StageRecord};
 use remesh_proto::v1;
 use remesh_proto::v1::remesh_service_server::RemeshService;
 use std::sync::Arc;
@@ -20,7 +21,7 @@ use tonic::{Request, Response, Status};
 #[derive(Debug, Clone)]
 pub(crate) struct Remeshes(pub(crate) Arc<Shared>);
 
-fn remesh_all(shared: &Shared, run: &Run<'_>, snapshot: &Snapshot) -> EngineResult<v1::RemeshResult> {
+pub(super) fn remesh_all(shared: &Shared, run: &Run<'_>, snapshot: &Snapshot) -> EngineResult<v1::RemeshResult> {
     let begin = Instant::now();
     let answer = pipeline::quality(&shared.engine, snapshot, QualityScope::Elements, run)?;
     let (remesh, report) = answer.value;
@@ -35,7 +36,7 @@ fn remesh_all(shared: &Shared, run: &Run<'_>, snapshot: &Snapshot) -> EngineResu
     })
 }
 
-fn remesh_listed(shared: &Shared, run: &Run<'_>, snapshot: &Snapshot, patches: &[u32]) -> EngineResult<v1::RemeshResult> {
+pub(super) fn remesh_listed(shared: &Shared, run: &Run<'_>, snapshot: &Snapshot, patches: &[u32]) -> EngineResult<v1::RemeshResult> {
     let begin = Instant::now();
     let answer = pipeline::remesh_patches(&shared.engine, snapshot, patches, run)?;
     let meshes = patches.iter().zip(&answer.value.1).map(|(&patch, mesh)| v1::PatchMeshSummary {
@@ -53,7 +54,7 @@ fn remesh_listed(shared: &Shared, run: &Run<'_>, snapshot: &Snapshot, patches: &
     })
 }
 
-fn check_listed(patches: &[u32]) -> EngineResult<()> {
+pub(super) fn check_listed(patches: &[u32]) -> EngineResult<()> {
     let mut sorted = patches.to_vec();
     sorted.sort_unstable();
     match sorted.windows(2).find(|pair| pair[0] == pair[1]) {
@@ -62,10 +63,31 @@ fn check_listed(patches: &[u32]) -> EngineResult<()> {
     }
 }
 
-fn plan(shared: &Shared, run: &Run<'_>, target: &Target) -> EngineResult<v1::PlanRemeshResponse> {
-    let records = pipeline::plan(&shared.engine, &target.snapshot, run)?;
+/// The plan of a remesh, of all patches or of those that are listed.
+fn plan_remesh(shared: &Shared, run: &Run<'_>, snapshot: &Snapshot, patches: &[u32]) -> EngineResult<Vec<StageRecord>> {
+    match patches {
+        [] => pipeline::plan_quality(&shared.engine, snapshot, QualityScope::Elements, run),
+        listed => pipeline::plan_patches(&shared.engine, snapshot, listed, run),
+    }
+}
+
+fn plan(shared: &Shared, run: &Run<'_>, target: &Target, request: &v1::PlanRemeshRequest) -> EngineResult<v1::PlanRemeshResponse> {
+    let (engine, snapshot) = (&shared.engine, &target.snapshot);
+    let goal = v1::PlanGoal::try_from(request.goal).map_err(|_| EngineError::bad_parameter("goal", "is no known goal"))?;
+    if !request.patches.is_empty() && !matches!(goal, v1::PlanGoal::Unspecified | v1::PlanGoal::Remesh) {
+        return Err(EngineError::bad_parameter("patches", "can be listed for a remesh only"));
+    }
+    check_listed(&request.patches)?;
+    let records = match goal {
+        v1::PlanGoal::Unspecified | v1::PlanGoal::Remesh if request.patches.is_empty() => pipeline::plan(engine, snapshot, run)?,
+        v1::PlanGoal::Unspecified | v1::PlanGoal::Remesh => pipeline::plan_patches(engine, snapshot, &request.patches, run)?,
+        v1::PlanGoal::Partition => pipeline::plan_partition(engine, snapshot, run)?,
+        v1::PlanGoal::Charts => pipeline::plan_charts(engine, snapshot, run)?,
+        v1::PlanGoal::Quality => pipeline::plan_quality(engine, snapshot, QualityScope::Full, run)?,
+    };
     let (stages, hits, runs, estimated_milliseconds) = to_proto::plan(&records);
-    Ok(v1::PlanRemeshResponse { revision: target.revision(), stages, hits, runs, estimated_milliseconds })
+    let estimated_bytes = records.iter().filter(|r| r.outcome == Outcome::Run).map(|r| r.bytes).sum();
+    Ok(v1::PlanRemeshResponse { revision: target.revision(), stages, hits, runs, estimated_milliseconds, estimated_bytes })
 }
 
 /// The inputs of a one-call remesh, as a session would hold them.
@@ -144,7 +166,11 @@ impl RemeshService for Remeshes {
         call.check(check_listed(&request.patches))?;
         let revision = target.revision();
         let wrap = move |event| v1::RemeshSurfaceResponse { revision, event: Some(event) };
+        let (planned, listed) = (target.clone(), request.patches.clone());
+        let weigh = move |shared: &Shared, run: &Run<'_>| Ok(Intent::of_plan(&plan_remesh(shared, run, &planned.snapshot, &listed)?));
+        let intent = call.weigh(weigh).await;
         call.watch(
+            intent,
             move |progress| wrap(Event::Progress(progress)),
             move |result| wrap(Event::Result(result)),
             move |shared, run| match request.patches.as_slice() {
@@ -158,7 +184,7 @@ impl RemeshService for Remeshes {
         let mut call = Call::begin(&self.0, "PlanRemesh", &request)?;
         let request = request.into_inner();
         let target = call.target(&request.session, request.expected_revision)?;
-        call.compute(Intent::Short, move |shared, run| plan(shared, run, &target)).await
+        call.compute(Intent::Short, move |shared, run| plan(shared, run, &target, &request)).await
     }
 
     async fn remesh_mesh(&self, request: Request<v1::RemeshMeshRequest>) -> Result<Response<v1::RemeshMeshResponse>, Status> {

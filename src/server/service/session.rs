@@ -74,12 +74,17 @@ pub(crate) fn check_display_name(name: &str) -> EngineResult<()> {
     Ok(())
 }
 
-fn create(shared: &Shared, request: v1::CreateSessionRequest, caller: &Caller) -> EngineResult<v1::CreateSessionResponse> {
+fn create(
+    shared: &Shared,
+    request: v1::CreateSessionRequest,
+    caller: &Caller,
+    client: &Arc<str>,
+) -> Result<v1::CreateSessionResponse, Fault> {
     check_display_name(&request.display_name)?;
     let ttl = request.ttl.map(|ttl| bounded_ttl(shared, ttl)).transpose()?;
     // Expired sessions must not keep new ones out.
     shared.expire();
-    let (session, desk) = shared.create_session(ttl, request.display_name, caller)?;
+    let (session, desk) = shared.create_session(ttl, request.display_name, caller, client)?;
     Ok(v1::CreateSessionResponse { session: Some(whole(&session, &desk)) })
 }
 
@@ -136,7 +141,12 @@ fn delete(shared: &Shared, request: &v1::DeleteSessionRequest, caller: &Caller) 
     Ok(v1::DeleteSessionResponse { revision: session.revision().0 })
 }
 
-fn watch(shared: &Shared, request: &v1::WatchSessionRequest, caller: &Caller) -> Result<Watch<v1::WatchSessionResponse>, Fault> {
+fn watch(
+    shared: &Shared,
+    request: &v1::WatchSessionRequest,
+    caller: &Caller,
+    time_left: Option<Duration>,
+) -> Result<Watch<v1::WatchSessionResponse>, Fault> {
     use v1::watch_session_request::Start as Wanted;
     let (_, desk) = shared.session(&request.session, "session", caller)?;
     let start = match request.start {
@@ -146,7 +156,7 @@ fn watch(shared: &Shared, request: &v1::WatchSessionRequest, caller: &Caller) ->
     };
     let most = shared.config.max_watchers;
     let seat = Seat::take(&shared.watchers, most).ok_or(Fault::TooManyWatchers { most })?;
-    Ok(follow(desk.feed.clone(), start, request.without_stages, seat))
+    Ok(follow(desk.feed.clone(), start, request.without_stages, seat, time_left))
 }
 
 /// Whether a change names patches by number, which are looked up first.
@@ -183,8 +193,8 @@ fn apply_patch_sizes(
 impl SessionService for Sessions {
     async fn create_session(&self, request: Request<v1::CreateSessionRequest>) -> Result<Response<v1::CreateSessionResponse>, Status> {
         let call = Call::begin(&self.0, "CreateSession", &request)?;
-        let caller = call.caller().clone();
-        call.on_disk(move |shared| create(shared, request.into_inner(), &caller)).await
+        let (caller, client) = (call.caller().clone(), call.client().clone());
+        call.on_disk(move |shared| create(shared, request.into_inner(), &caller, &client)).await
     }
 
     async fn get_session(&self, request: Request<v1::GetSessionRequest>) -> Result<Response<v1::GetSessionResponse>, Status> {
@@ -259,7 +269,7 @@ impl SessionService for Sessions {
 
     async fn watch_session(&self, request: Request<v1::WatchSessionRequest>) -> Result<Response<Self::WatchSessionStream>, Status> {
         let call = Call::begin(&self.0, "WatchSession", &request)?;
-        let watched = watch(&self.0, &request.into_inner(), call.caller());
+        let watched = watch(&self.0, &request.into_inner(), call.caller(), call.time_left());
         call.finish(watched)
     }
 

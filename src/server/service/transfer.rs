@@ -4,6 +4,7 @@ use crate::caller::Caller;
 use crate::config::CHUNK_BYTES;
 use crate::desk::{Desk, short_id};
 use crate::dispatch::Call;
+use crate::guarded::next_message;
 use crate::keep::snapshot::{Picture, Restored, read};
 use crate::state::Shared;
 use crate::status::{Fault, status_of};
@@ -66,25 +67,30 @@ impl Read for Pieces {
 }
 
 /// Makes a session of a file.
-pub(crate) async fn restore(call: Call, shared: &Arc<Shared>, stream: Streaming<v1::RestoreSessionRequest>) -> (Call, Result<(Arc<Session>, Arc<Desk>), Fault>) {
-    let outcome = receive(shared, call.caller(), stream).await;
+pub(crate) async fn restore(
+    call: Call,
+    shared: &Arc<Shared>,
+    stream: Streaming<v1::RestoreSessionRequest>,
+) -> (Call, Result<(Arc<Session>, Arc<Desk>), Fault>) {
+    let outcome = receive(shared, call.caller(), call.client(), stream).await;
     (call, outcome)
 }
 
 async fn receive(
     shared: &Arc<Shared>,
     caller: &Caller,
+    client: &Arc<str>,
     mut stream: Streaming<v1::RestoreSessionRequest>,
 ) -> Result<(Arc<Session>, Arc<Desk>), Fault> {
-    let broken = |status: Status| Fault::UploadBroken { code: status.code(), cause: status.message().to_owned() };
-    let first = stream.message().await.map_err(broken)?.unwrap_or_default();
+    let idle = shared.config.upload_idle;
+    let first = next_message(&mut stream, idle).await?.unwrap_or_default();
     let display_name = first.display_name.clone();
     super::session::check_display_name(&display_name)?;
     let (sender, receiver) = mpsc::channel(QUEUE);
-    let (reader_shared, reader_caller) = (shared.clone(), caller.clone());
+    let (reader_shared, reader_caller, reader_client) = (shared.clone(), caller.clone(), client.clone());
     let reader = tokio::task::spawn_blocking(move || {
         let restored = read(&reader_shared, Pieces { receiver, current: Bytes::new() })?;
-        open(&reader_shared, restored, display_name, &reader_caller).map_err(Fault::from)
+        open(&reader_shared, restored, display_name, &reader_caller, &reader_client)
     });
     let mut next = Some(first);
     while let Some(v1::RestoreSessionRequest { data, .. }) = next {
@@ -97,17 +103,23 @@ async fn receive(
         if sender.send(data).await.is_err() {
             break;
         }
-        next = stream.message().await.map_err(broken)?;
+        next = next_message(&mut stream, idle).await?;
     }
     drop(sender);
     reader.await.map_err(|_| EngineError::invariant("the thread that reads a snapshot ended"))?
 }
 
-fn open(shared: &Shared, restored: Restored, display_name: String, caller: &Caller) -> EngineResult<(Arc<Session>, Arc<Desk>)> {
+fn open(
+    shared: &Shared,
+    restored: Restored,
+    display_name: String,
+    caller: &Caller,
+    client: &Arc<str>,
+) -> Result<(Arc<Session>, Arc<Desk>), Fault> {
     let ttl = restored.session.ttl.and_then(|ttl| std::time::Duration::try_from(ttl).ok()).filter(|ttl| !ttl.is_zero());
     let name = if display_name.is_empty() { restored.session.display_name.clone() } else { display_name };
     super::session::check_display_name(&name)?;
     // Expired sessions must not keep new ones out.
     shared.expire();
-    shared.restore_session(ttl, name, &restored, caller)
+    shared.restore_session(ttl, name, &restored, caller, client)
 }

@@ -3,6 +3,7 @@
 
 use crate::caller::Caller;
 use crate::config::CHUNK_BYTES;
+use crate::guarded::next_message;
 use crate::state::Shared;
 use crate::status::Fault;
 use bytes::Bytes;
@@ -176,9 +177,9 @@ impl Staged {
 impl Uploads {
     /// With uploads that broke before the server was started.
     pub(crate) fn of(leftovers: Vec<Leftover>, now: SystemTime) -> Self {
-        let parked = leftovers.into_iter().filter_map(|left| {
-            Some(Parked { ticket: Ticket::of_label(&left.label)?, since: now, file: Broken::Left(left) })
-        });
+        let parked = leftovers
+            .into_iter()
+            .filter_map(|left| Some(Parked { ticket: Ticket::of_label(&left.label)?, since: now, file: Broken::Left(left) }));
         Uploads { held: Arc::default(), parked: Mutex::new(parked.collect()) }
     }
 
@@ -325,7 +326,7 @@ fn gone() -> Fault {
 
 /// Reads all chunks. Memory follows what arrives, never what is announced, and is bounded where there is a data folder.
 pub(crate) async fn receive(shared: &Arc<Shared>, caller: &Caller, mut stream: Streaming<v1::UploadMeshRequest>) -> Result<Upload, Fault> {
-    let first = stream.message().await.map_err(broken)?.unwrap_or_default();
+    let first = next_message(&mut stream, shared.config.upload_idle).await?.unwrap_or_default();
     let limit = shared.config.engine.max_blob_bytes;
     let (announced, offset) = (first.total_bytes, first.offset);
     if let Some(total) = announced.filter(|&total| total > limit as u64) {
@@ -378,7 +379,7 @@ impl Passing<'_> {
             if !chunk.data.is_empty() && self.queue.send(Piece::Data(chunk.data)).await.is_err() {
                 return Ok(None);
             }
-            next = stream.message().await.map_err(broken)?;
+            next = next_message(&mut stream, self.shared.config.upload_idle).await?;
         }
         if total == 0 {
             return Err(EngineError::bad_parameter("data", "the file is empty").into());
@@ -409,10 +410,6 @@ impl Passing<'_> {
         self.shared.metrics.uploaded(chunk);
         Ok(())
     }
-}
-
-fn broken(status: tonic::Status) -> Fault {
-    Fault::UploadBroken { code: status.code(), cause: status.message().to_owned() }
 }
 
 /// Which of some files are not here, and how much of each has arrived.

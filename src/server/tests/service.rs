@@ -23,8 +23,12 @@ mod lifecycle;
 mod limits;
 #[path = "service/meshers.rs"]
 mod meshers;
+#[path = "service/operations.rs"]
+mod operations;
 #[path = "service/patches.rs"]
 mod patches;
+#[path = "service/priority.rs"]
+mod priority;
 #[path = "service/security.rs"]
 mod security;
 #[path = "service/several.rs"]

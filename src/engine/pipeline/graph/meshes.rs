@@ -121,12 +121,13 @@ pub(super) fn assembly_step(context: &Context<'_>, charts: &Charts, sizes: &Size
             f.fingerprint(lifted.output);
         }
     });
-    context.stage(key, Subject::Surface, |_| {
+    context.stage(key, Subject::Surface, |work| {
         let curve_meshes: Vec<Arc<CurveMesh>> =
             meshes.curves.iter().map(|c| c.as_ref().map_or_else(Arc::default, |mesh| mesh.value.clone())).collect();
         let numbered: Vec<(Arc<LiftedPatch>, &PatchMap)> = (0..meshes.lifted.len())
             .map(|p| (Arc::new(with_network_numbers(&meshes.lifted[p], &charts.patches.uses[p])), &*charts.patches.patches[p].2))
             .collect();
+        work.check()?;
         let (topology, corners) = (charts.ground().1, &charts.features.corners);
         assemble(&charts.surface.imported.mesh, topology, corners, &sizes.locked, &charts.patches.network, &curve_meshes, &numbered)
     })

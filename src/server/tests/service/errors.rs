@@ -13,7 +13,7 @@ async fn stale_revisions_are_aborted() {
     let status = assert_refused(daemon.change(&session, Some(1), size_of_count(5)).await, Code::Aborted, "STALE_REVISION");
     let details = status.get_error_details();
     assert_eq!(details.error_info().expect("info").metadata["current_revision"], "2");
-    let request = v1::PlanRemeshRequest { session: session.clone(), expected_revision: Some(7) };
+    let request = v1::PlanRemeshRequest { session: session.clone(), expected_revision: Some(7), ..Default::default() };
     assert_refused(daemon.remeshes().plan_remesh(request).await, Code::Aborted, "STALE_REVISION");
     let request = v1::ImportMeshRequest { session, base_revision: Some(0), source: Some(tube(500)), options: None, ..Default::default() };
     assert_refused(daemon.meshes().import_mesh(request).await, Code::Aborted, "STALE_REVISION");

@@ -309,3 +309,36 @@ fn wrong_files_are_told_with_their_names() {
         assert!(error.contains(expected), "{expected}: {error}");
     }
 }
+
+#[tokio::test]
+async fn tokens_that_others_signed_are_taken_over_the_wire_until_they_expire() {
+    use jsonwebtoken::{Algorithm, EncodingKey, Header, encode, get_current_timestamp};
+    let (folder, ours, others) = (Folder::new(), KeyPair::generate().expect("key"), KeyPair::generate().expect("key"));
+    let token = |key: &KeyPair, subject: &str, expires: u64, issuer: &str| {
+        let claims = serde_json::json!({ "sub": subject, "exp": expires, "iss": issuer });
+        let signed = encode(&Header::new(Algorithm::ES256), &claims, &EncodingKey::from_ec_der(&key.serialize_der()));
+        format!("Bearer {}", signed.expect("signed"))
+    };
+    let files = SecurityFiles {
+        jwt_keys: folder.write("keys.pem", &ours.public_key_pem()),
+        jwt_issuer: Some("https://login.example".into()),
+        ..Default::default()
+    };
+    let address = start(Security::load(files).expect("files")).await;
+    let channel = connect(address, None).await.expect("connects");
+    let (soon, issuer) = (get_current_timestamp() + 60, "https://login.example");
+    let name = create(&mut sessions(&channel, &token(&ours, "alice", soon, issuer))).await.expect("a valid token");
+    // Another token of the same name sees the session, another name does not.
+    assert_eq!(list(&mut sessions(&channel, &token(&ours, "alice", soon + 60, issuer))).await, [name]);
+    assert!(list(&mut sessions(&channel, &token(&ours, "bob", soon, issuer))).await.is_empty());
+    let refused = [
+        (token(&ours, "alice", get_current_timestamp() - 600, issuer), "TOKEN_EXPIRED"),
+        (token(&others, "alice", soon, issuer), "TOKEN_INVALID"),
+        (token(&ours, "alice", soon, "https://elsewhere.example"), "TOKEN_INVALID"),
+        ("Bearer a.b.c".to_owned(), "TOKEN_INVALID"),
+        (String::new(), "TOKEN_MISSING"),
+    ];
+    for (header, reason) in refused {
+        assert_refused(create(&mut sessions(&channel, &header)).await, Code::Unauthenticated, reason);
+    }
+}

@@ -144,3 +144,14 @@ async fn watching_is_bounded_and_ends_with_the_daemon() {
     assert!(events.message().await.expect("end").is_none());
     daemon.served.await.expect("no panic").expect("served");
 }
+
+#[tokio::test]
+async fn a_deadline_ends_a_stream_of_events() {
+    let daemon = Daemon::usual().await;
+    let session = daemon.session().await;
+    let mut request = tonic::Request::new(v1::WatchSessionRequest { session, ..Default::default() });
+    request.set_timeout(std::time::Duration::from_millis(200));
+    let mut stream = daemon.sessions().watch_session(request).await.expect("stream").into_inner();
+    let next = tokio::time::timeout(std::time::Duration::from_secs(20), stream.message());
+    assert_refused(next.await.expect("it ends"), Code::DeadlineExceeded, "DEADLINE_EXCEEDED");
+}
