@@ -224,7 +224,8 @@ async fn nothing_that_was_acknowledged_is_lost() {
             daemon.kill();
         };
         tokio::join!(futures_join(edits), killer);
-        uploaded.lock().expect("not poisoned").extend(uploads.await.expect("uploads"));
+        let came = uploads.await.expect("uploads");
+        uploaded.lock().expect("not poisoned").extend(came);
         let begin = Instant::now();
         daemon = Daemon::start(folder.path(), &[]);
         client = daemon.connect().await;
