@@ -1653,7 +1653,7 @@ pub struct MesherSpec {
 /// How the joined mesh is optimised across patch borders.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
 pub struct OptimizeSpec {
-    /// Rounds of split, collapse, flip and smoothing. Default 5; 0 leaves the mesh as it was joined.
+    /// Rounds of split, collapse, flip and smoothing. Default 3; 0 leaves the mesh as it was joined.
     #[prost(uint32, optional, tag = "1")]
     pub rounds: ::core::option::Option<u32>,
     /// Triangles of lower kappa are chased one by one afterwards. Default 0.77.

@@ -130,7 +130,10 @@ impl Stage {
 
     /// Version of the algorithm; part of every key, so that a changed algorithm never finds an old output.
     fn version(self) -> u64 {
-        1
+        match self {
+            Stage::Partition | Stage::Interior | Stage::Optimize => 2,
+            _ => 1,
+        }
     }
 }
 

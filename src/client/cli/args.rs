@@ -247,7 +247,7 @@ pub(crate) struct InputArgs {
     /// loops through these vertices) or `vertices:V,...` [default: none]
     #[arg(long, value_name = "WHAT", value_parser = lock)]
     pub(crate) lock: Option<LockChoice>,
-    /// Rounds of optimisation across patch borders; 0 leaves the mesh as it was joined [default: 5]
+    /// Rounds of optimisation across patch borders; 0 leaves the mesh as it was joined [default: 3]
     #[arg(long, value_name = "N")]
     pub(crate) rounds: Option<u32>,
     /// Chase triangles of lower kappa one by one afterwards [default: 0.77]

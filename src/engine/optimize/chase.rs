@@ -2,9 +2,9 @@
 
 use super::input::Foot;
 use super::rounds::new_faces;
-use super::state::{State, tangential};
+use super::state::{State, tangents};
 use crate::error::Result;
-use crate::vector::{Vec3, add_scaled, cross, kappa, lerp, norm, unit};
+use crate::vector::{Vec3, add_scaled, kappa, lerp, norm};
 use crate::work::Work;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -159,9 +159,7 @@ fn move_vertex(state: &mut State<'_>, v: u32, gain: f64, touched: &mut Vec<u32>)
     let start = state.star_kappa(v);
     let normal = state.star_normal(v);
     let mut sag = state.sag_limit(v, normal);
-    let axis = if normal[0].abs() < 0.6 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
-    let u = unit(tangential(axis, normal));
-    let w = cross(normal, u);
+    let [u, w] = tangents(normal);
     if norm(u) == 0.0 {
         return false;
     }

@@ -4,9 +4,9 @@
 
 use super::reconnect::reconnect;
 use super::sag::SagLimit;
-use super::state::{SAG, State, tangential};
+use super::state::{SAG, State, tangents};
 use crate::error::Result;
-use crate::vector::{Vec3, add_scaled, area_vector_twice, cross, distance, dot, kappa, norm, unit};
+use crate::vector::{Vec3, add_scaled, area_vector_twice, distance, dot, kappa, norm};
 use crate::work::Work;
 
 /// Rings of edges around seams whose vertices move.
@@ -136,12 +136,9 @@ fn settle(state: &mut State<'_>, v: u32, target: f64) -> bool {
         return false;
     }
     let normal = state.star_normal(v);
-    let axis = if normal[0].abs() < 0.6 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
-    let u = unit(tangential(axis, normal));
-    let w = cross(normal, u);
     let p = state.mesh.at(v);
     let Some((before, least)) = star(state, v, p, normal) else { return false };
-    let Some(step) = newton(state, v, [u, w], normal, before) else { return false };
+    let Some(step) = newton(state, v, tangents(normal), normal, before) else { return false };
     // Three times what other passes may do: the faces here are few.
     let mut sag = match state.sag_limit(v, normal) {
         SagLimit::None => SagLimit::None,

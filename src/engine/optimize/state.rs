@@ -5,7 +5,7 @@ use super::input::{Foot, Input, middle};
 use super::kernel::{Kernel, next, prev};
 use crate::assemble::{Assembled, VertexClass};
 use crate::error::Result;
-use crate::vector::{Vec3, add, add_scaled, area_vector_twice, distance, dot, kappa, lerp, norm, scale, sub};
+use crate::vector::{Vec3, add, add_scaled, area_vector_twice, cross, distance, dot, kappa, lerp, norm, scale, sub, unit};
 
 /// Least cosine between a face before and after an operation.
 const TURN: f64 = 0.3;
@@ -499,6 +499,13 @@ fn distance_to_segment(r: Vec3, p: Vec3, q: Vec3) -> f64 {
     let along = sub(q, p);
     let t = (dot(sub(r, p), along) / dot(along, along).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
     distance(r, lerp(p, q, t))
+}
+
+/// Two unit vectors at right angles to a unit vector and to each other.
+pub(super) fn tangents(normal: Vec3) -> [Vec3; 2] {
+    let axis = if normal[0].abs() < 0.6 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
+    let u = unit(tangential(axis, normal));
+    [u, cross(normal, u)]
 }
 
 /// The part of a vector at right angles to a unit vector.
