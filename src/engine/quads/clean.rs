@@ -219,7 +219,9 @@ impl Cleaner<'_, '_> {
         let first = self.mesh.position.len() as u32;
         let mut best: Option<(f64, u32, Vec<Corners>, Vec<(Vec3, u32)>)> = None;
         for (from, to) in [(x, a), (b, x)] {
-            let Some(g) = self.mesh.across(f, from, to).filter(|&g| !self.mesh.is_curve(from, to) && self.mesh.is_quad(g)) else { continue };
+            let Some(g) = self.mesh.across(f, from, to).filter(|&g| !self.mesh.is_curve(from, to) && self.mesh.is_quad(g)) else {
+                continue;
+            };
             let n = self.mesh.faces[g as usize];
             let Some(j) = n.iter().position(|&w| w == from) else { continue };
             // `g` runs from `to` to `from`, so these two follow.
@@ -231,12 +233,18 @@ impl Cleaner<'_, '_> {
             let choices: [(Vec<Corners>, Vec<Vec<u32>>); 2] = if to == a {
                 [
                     (vec![[v, b, x, y], [y, x, after, last], [last, a, v, y]], vec![vec![v, b, x, a, after, last]]),
-                    (vec![[v, b, x, y], [a, v, y, z], [last, a, z, after], [after, z, y, x]], vec![vec![v, x, v, x, a], vec![a, after, a, after, v, x]]),
+                    (
+                        vec![[v, b, x, y], [a, v, y, z], [last, a, z, after], [after, z, y, x]],
+                        vec![vec![v, x, v, x, a], vec![a, after, a, after, v, x]],
+                    ),
                 ]
             } else {
                 [
                     (vec![[v, b, after, y], [y, after, last, x], [x, a, v, y]], vec![vec![v, b, x, a, after, last]]),
-                    (vec![[a, v, y, x], [v, b, z, y], [b, after, last, z], [last, x, y, z]], vec![vec![v, x, v, x, b], vec![b, last, b, last, v, x]]),
+                    (
+                        vec![[a, v, y, x], [v, b, z, y], [b, after, last, z], [last, x, y, z]],
+                        vec![vec![v, x, v, x, b], vec![b, last, b, last, v, x]],
+                    ),
                 ]
             };
             for (new, means) in choices {

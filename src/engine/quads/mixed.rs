@@ -111,7 +111,10 @@ impl Mixed {
     pub(super) fn is_flat_at(&self, corners: &[u32], k: usize) -> bool {
         let (before, v, after) = (corners[(k + 3) % 4], corners[k], corners[(k + 1) % 4]);
         let to = |w: u32| sub(self.position[w as usize], self.position[v as usize]);
-        self.is_fixed[v as usize] && self.is_curve(before, v) && self.is_curve(v, after) && angle_between(to(before), to(after)) > MOST_PINNED
+        self.is_fixed[v as usize]
+            && self.is_curve(before, v)
+            && self.is_curve(v, after)
+            && angle_between(to(before), to(after)) > MOST_PINNED
     }
 
     /// Removes faces and adds others in their place (as many or fewer).
