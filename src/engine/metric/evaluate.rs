@@ -45,7 +45,7 @@ pub fn evaluate_metric(
         for s in sectors.of_vertex(v) {
             let raw = match &spec.source {
                 MetricSource::Curvature { deviation, normal_angle_deg } => {
-                    from_curvature(&curvature.tensors[s], &frames[s], (*deviation, *normal_angle_deg), spec, most)
+                    from_curvature(&curvature.tensors[s], &frames[s], *deviation, *normal_angle_deg, most)
                 }
                 MetricSource::PerVertex { tensors } => given(v, &tensors[v as usize], &frames[s])?,
             };
@@ -70,35 +70,19 @@ fn frame_of(normal: Vec3) -> Frame {
     if dot(normal, normal) > 0.5 { Frame::of(unit(normal)) } else { Frame::of([0.0, 0.0, 1.0]) }
 }
 
-/// Lengths along two principal directions that keep both bounds.
-///
-/// A triangle that is equilateral in the metric, whichever way it is turned, is off a paraboloid of curvatures `k`, `m` by at most
-/// `A / 4 + B / 12` for `A = k h^2 / 2 >= B = m l^2 / 2 >= 0` (exact for B = 0, an edge along `h`, and B = A, the middle of the
-/// triangle; convex between), and by `max(|A|, |B|) / 4` where the curvatures have opposite signs. So where the second length is held
-/// by another bound, or the surface is a saddle, the first may be longer than on a sphere.
-fn lengths(curvatures: [f64; 2], deviation: Option<f64>, normal_angle_deg: Option<f64>, spec: &MetricSpec, most: f64) -> [f64; 2] {
-    let [k, m] = curvatures.map(f64::abs);
-    let other = |k: f64| normal_angle_deg.map_or(f64::INFINITY, |a| 2.0 * (0.5 * a.to_radians()).sin() / k).min(most);
-    let safe = |length: f64| if length > 0.0 { length } else { most };
-    let Some(d) = deviation else { return [k, m].map(|k| safe(other(k))) };
-    if curvatures[0] * curvatures[1] <= 0.0 {
-        return [k, m].map(|k| safe((8.0 * d / k).sqrt().min(other(k))));
-    }
-    let both = [k, m].map(|k| safe((6.0 * d / k).sqrt().min(other(k))));
-    let (large, small) = if k >= m { (0, 1) } else { (1, 0) };
-    let (bend, slight) = (k.max(m), k.min(m));
-    let longest = spec.max_stretch * (8.0 * d / bend).sqrt().min(other(bend)).max(spec.min_size.unwrap_or(0.0));
-    let second = both[small].min(longest);
-    let first = ((8.0 * d - slight * second * second / 3.0).max(6.0 * d) / bend).sqrt().min(other(bend));
-    let mut out = both;
-    (out[large], out[small]) = (safe(first), second);
-    out
+/// Length that keeps both bounds on a normal curvature.
+fn length_on(curvature: f64, deviation: Option<f64>, normal_angle_deg: Option<f64>, most: f64) -> f64 {
+    let k = curvature.abs();
+    let by_deviation = deviation.map_or(f64::INFINITY, |d| (6.0 * d / k).sqrt());
+    let by_angle = normal_angle_deg.map_or(f64::INFINITY, |a| 2.0 * (0.5 * a.to_radians()).sin() / k);
+    let length = by_deviation.min(by_angle).min(most);
+    if length > 0.0 { length } else { most }
 }
 
-fn from_curvature(t: &CurvatureTensor, frame: &Frame, source: (Option<f64>, Option<f64>), spec: &MetricSpec, most: f64) -> Sym2 {
+fn from_curvature(t: &CurvatureTensor, frame: &Frame, deviation: Option<f64>, angle: Option<f64>, most: f64) -> Sym2 {
     let mut form = [0.0; 3];
-    let both = lengths([t.k1, t.k2], source.0, source.1, spec, most);
-    for (h, direction) in both.into_iter().zip([t.d1, t.d2]) {
+    for (k, direction) in [(t.k1, t.d1), (t.k2, t.d2)] {
+        let h = length_on(k, deviation, angle, most);
         let d = frame.coordinates(direction);
         let w = 1.0 / (h * h);
         form = [form[0] + w * d[0] * d[0], form[1] + w * d[0] * d[1], form[2] + w * d[1] * d[1]];

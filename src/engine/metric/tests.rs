@@ -104,7 +104,7 @@ fn a_cylinder_is_short_around_and_long_along() {
     let source = MetricSource::Curvature { deviation: Some(0.005), normal_angle_deg: None };
     let spec = MetricSpec { source, max_stretch: 4.0, ..MetricSpec::default() };
     let (_, metric) = metric_of(&mesh, &spec, 10.0).unwrap();
-    let around = (8.0 * 0.005f64).sqrt();
+    let around = (6.0 * 0.005f64).sqrt();
     for v in 0..mesh.positions.len() as u32 {
         let p = mesh.positions[v as usize];
         let (h, l) = (metric.length_along(v, [-p[1], p[0], 0.0]), metric.length_along(v, [0.0, 0.0, 1.0]));
