@@ -131,7 +131,8 @@ impl Stage {
     /// Version of the algorithm; part of every key, so that a changed algorithm never finds an old output.
     fn version(self) -> u64 {
         match self {
-            Stage::Partition | Stage::Interior | Stage::Optimize | Stage::Quads => 2,
+            Stage::Optimize => 3,
+            Stage::Partition | Stage::Interior | Stage::Quads => 2,
             _ => 1,
         }
     }
