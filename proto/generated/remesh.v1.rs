@@ -1645,8 +1645,8 @@ pub struct MesherSpec {
     /// What the anisotropic mesher follows; for it only.
     #[prost(message, optional, tag = "3")]
     pub metric: ::core::option::Option<MetricSpec>,
-    /// With MESHER_KIND_QUADS: no triangle is left (quadrangles of double size are made first, then every face is divided). Not set or false: a
-    /// few triangles may stay. An error with other meshers, and with locked boundary vertices.
+    /// With MESHER_KIND_QUADS: no triangle is left (single edges of curves may be split in two for that, none that is locked).
+    /// Not set or false: a few triangles may stay. An error with other meshers.
     #[prost(bool, tag = "4")]
     pub all_quads: bool,
 }

@@ -21,7 +21,7 @@ use crate::metric::SurfaceMetric;
 use crate::optimize::{FLAT, Remeshed};
 use crate::parametrize::{Chart, ChartAttempt, ChartOutcome, ChartSpec, Distortion};
 use crate::partition::{EditState, Ground, Partition, PatchEdit, PatchRequest, PatchSummary, box_aspect_ratios, edit_partition, name_edit};
-use crate::planar::LiftedPatch;
+use crate::planar::{LiftedPatch, Mesher, QuadKind};
 use crate::quality::{QualityReport, QualityScope};
 use crate::session::{MeshSource, Snapshot};
 use crate::sizing::{SizeBase, SizeField, SizeSpec};
@@ -258,6 +258,12 @@ impl Remesh {
         let flat = self.result.flat_faces;
         if flat > 0 {
             warnings.push(format!("{flat} triangles have kappa below {FLAT}; a smaller size follows what is thinner than the size there"));
+        }
+        let single = self.result.mesh.triangles.len() as u64 - 2 * u64::from(self.result.quads);
+        if single > 0 && snapshot.mesher == Mesher::Quads(QuadKind::All) {
+            warnings.push(format!(
+                "{single} triangles are left: a part between curves is too narrow for quadrangles only, or all its edges are locked"
+            ));
         }
         let asked = match &snapshot.size {
             Some(SizeSpec::TriangleCount { triangles }) => Some(*triangles),

@@ -139,7 +139,7 @@ pub enum QuadKind {
     /// They stay: the result has quadrangles and a few triangles.
     #[default]
     Mixed,
-    /// None is left: quadrangles of double size are made first, then all faces are divided.
+    /// None is left: the matching is perfect, after single edges of curves were split where a part between curves has an odd number.
     All,
 }
 

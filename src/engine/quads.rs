@@ -4,12 +4,14 @@
 mod clean;
 mod cover;
 mod cross;
-mod divide;
 mod front;
 mod mixed;
+mod parity;
+mod polish;
 mod recombine;
 pub(crate) mod shape;
 mod smooth;
+mod walk;
 
 use crate::bvh::TriangleBvh;
 use crate::error::{EngineError, Result};
@@ -40,21 +42,12 @@ pub struct QuadInput<'a> {
     pub curves: &'a [[u32; 2]],
 }
 
-/// The sizes for which the triangles have to be made that [`make_quads`] takes: double where every face is divided afterwards.
-pub fn base_sizes(sizes: &SizeField, kind: QuadKind) -> SizeField {
-    let factor = match kind {
-        QuadKind::Mixed => 1.0,
-        QuadKind::All => 2.0,
-    };
-    let vertex_size = sizes.vertex_size.iter().map(|s| factor * s).collect();
-    SizeField { vertex_size, uniform: sizes.uniform.map(|s| factor * s), ..sizes.clone() }
-}
-
-/// Makes quadrangles out of `base`, triangles made for [`base_sizes`] of `sizes`. Faces `2 q` and `2 q + 1` of the result, for `q` below
+/// Makes quadrangles out of `base`, triangles made for `sizes`. Faces `2 q` and `2 q + 1` of the result, for `q` below
 /// [`Remeshed::quads`], are the halves of quadrangle `q`; the other faces are triangles that found no partner. With [`QuadKind::All`]
-/// every quadrangle is divided into four and every triangle into three, so that no triangle is left.
+/// the matching is perfect: where a part between curves has an odd number of triangles, one edge of its curves is split before. A triangle
+/// is left only where a part is too narrow for any other way, or where all of its curves are locked.
 ///
-/// Topology, curve edges (divided in two for [`QuadKind::All`]) and regions are kept; vertices on curves are not moved. Near-linear;
+/// Topology, curve edges (a few of them split in two for [`QuadKind::All`]) and regions are kept; vertices on curves are not moved. Near-linear;
 /// deterministic.
 ///
 /// # Errors
@@ -63,19 +56,20 @@ pub fn make_quads(input: QuadInput<'_>, base: &Remeshed, sizes: &SizeField, kind
     if base.quads > 0 || sizes.vertex_size.len() != input.mesh.positions.len() {
         return Err(EngineError::invariant("quadrangles are made of triangles, with a size at every vertex of the input"));
     }
-    let coarse = base_sizes(sizes, kind);
-    let surface = Input::new(input.mesh, Tree::Made(input.tree), &coarse);
+    let surface = Input::new(input.mesh, Tree::Made(input.tree), sizes);
     let mut mesh = from_triangles(&input, base)?;
-    align(&mut mesh, &surface, work)?;
-    recombine::recombine(&mut mesh, work)?;
-    work.step(1, 4)?;
-    improve(&mut mesh, &surface, work)?;
-    work.step(2, 4)?;
     if kind == QuadKind::All {
-        let fine = Input::new(input.mesh, Tree::Made(input.tree), sizes);
-        divide::divide(&mut mesh, &input, &fine);
-        improve(&mut mesh, &fine, work)?;
+        parity::make_even(&mut mesh, &input, |v, below| is_locked(input.mesh, sizes, v, below))?;
     }
+    align(&mut mesh, &surface, work)?;
+    if kind == QuadKind::All {
+        parity::loosen(&mut mesh, &surface);
+    }
+    work.step(1, 4)?;
+    recombine::recombine(&mut mesh, kind, work)?;
+    walk::join_triangles(&mut mesh, &surface, kind, work)?;
+    work.step(2, 4)?;
+    improve(&mut mesh, &surface, work)?;
     work.step(3, 4)?;
     let mut out = to_pairs(input.mesh, &mesh);
     let tree = TriangleBvh::build(&out.mesh.positions, &out.mesh.triangles);
@@ -86,6 +80,12 @@ pub fn make_quads(input: QuadInput<'_>, base: &Remeshed, sizes: &SizeField, kind
     out.crossing_faces = Some(crossing.len() as u32);
     out.lost_regions = base.lost_regions.clone();
     Ok(out)
+}
+
+/// Whether a point is a locked vertex of the face of the input below it.
+fn is_locked(input: &SurfaceMesh, sizes: &SizeField, point: Vec3, below: u32) -> bool {
+    let is_at = |v: u32| sizes.locked.get(v as usize) == Some(&true) && input.positions[v as usize] == point;
+    input.triangles[below as usize].into_iter().any(is_at)
 }
 
 /// Gives the surface vertices along a field of crosses, so that its triangles are halves of squares.
@@ -110,7 +110,8 @@ fn improve(mesh: &mut Mixed, surface: &Input<'_>, work: &Work<'_>) -> Result<()>
         clean::clean(mesh, surface, 3, work)?;
     }
     smooth::smooth(mesh, surface, ROUNDS[1], work)?;
-    smooth::chase(mesh, surface, work)
+    polish::chase(mesh, surface, work)?;
+    polish::polish(mesh, surface, work)
 }
 
 fn from_triangles(input: &QuadInput<'_>, base: &Remeshed) -> Result<Mixed> {

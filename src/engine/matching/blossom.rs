@@ -52,7 +52,7 @@ pub(super) struct Forest<'a> {
     pub(super) mate: Vec<Link>,
     /// Dual variable of each vertex, at the time in `since`.
     pub(super) dual: Vec<i64>,
-    /// By node: when its dual was last settled.
+    /// By node: when its dual was last settled; the duals of vertices in odd nodes are as old as the node.
     pub(super) since: Vec<i64>,
     /// By node: what it is; of top-level nodes only.
     pub(super) label: Vec<Label>,
@@ -62,6 +62,10 @@ pub(super) struct Forest<'a> {
     pub(super) up: Vec<u32>,
     /// By node: the vertex that may be matched outside.
     pub(super) base: Vec<u32>,
+    /// By node: its vertices, from the first to the last along `next`.
+    pub(super) span: Vec<[u32; 2]>,
+    /// By vertex: the one after it in every node that holds both.
+    pub(super) next: Vec<u32>,
     /// By node: the tree edge that leads to it.
     pub(super) entry: Vec<Link>,
     /// By vertex: a node that held it, above which `up` leads on.
@@ -84,6 +88,8 @@ impl<'a> Forest<'a> {
             parent: vec![NONE; count],
             up: vec![NONE; count],
             base: ids.clone(),
+            span: ids.iter().map(|&v| [v, v]).collect(),
+            next: vec![NONE; count],
             entry: vec![Link::NO; count],
             home: ids,
             blossoms: Vec::new(),
@@ -116,17 +122,20 @@ impl<'a> Forest<'a> {
 
     /// The vertices of a node, appended.
     pub(super) fn leaves(&self, node: u32, out: &mut Vec<u32>) {
-        if node < self.count {
-            out.push(node);
-            return;
+        let [mut at, last] = self.span[node as usize];
+        while at != last {
+            out.push(at);
+            at = self.next[at as usize];
         }
-        let mut stack = vec![node];
-        while let Some(node) = stack.pop() {
-            if node < self.count {
-                out.push(node);
-            } else {
-                stack.extend(self.blossoms[(node - self.count) as usize].children.iter().rev());
-            }
+        out.push(last);
+    }
+
+    /// Strings the vertices of children together as those of a node.
+    pub(super) fn string(&mut self, node: u32, children: &[u32]) {
+        let (Some(first), Some(last)) = (children.first(), children.last()) else { return };
+        self.span[node as usize] = [self.span[*first as usize][0], self.span[*last as usize][1]];
+        for pair in children.windows(2) {
+            self.next[self.span[pair[0] as usize][1] as usize] = self.span[pair[1] as usize][0];
         }
     }
 
@@ -142,6 +151,7 @@ impl<'a> Forest<'a> {
         self.parent.push(NONE);
         self.up.push(NONE);
         self.base.push(NONE);
+        self.span.push([NONE; 2]);
         self.entry.push(Link::NO);
         node
     }

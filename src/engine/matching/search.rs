@@ -121,26 +121,27 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The dual of a vertex now, under a label.
-    fn dual_now(&self, v: u32, label: Label) -> i64 {
-        let passed = self.now - self.forest.since[v as usize];
-        match label {
-            Label::Free => self.forest.dual[v as usize],
-            Label::Even => self.forest.dual[v as usize] - passed,
-            Label::Odd => self.forest.dual[v as usize] + passed,
-        }
+    /// The dual of an even vertex now.
+    fn even_dual(&self, v: u32) -> i64 {
+        self.forest.dual[v as usize] - (self.now - self.forest.since[v as usize])
     }
 
     /// Writes the duals of the vertices of a node down, under the label they had.
     fn settle(&mut self, node: u32, label: Label) {
-        let mut leaves = std::mem::take(&mut self.leaves);
-        leaves.clear();
-        self.forest.leaves(node, &mut leaves);
-        for &v in &leaves {
-            self.forest.dual[v as usize] = self.dual_now(v, label);
+        let begun = self.forest.since[node as usize];
+        let [mut v, last] = self.forest.span[node as usize];
+        loop {
+            match label {
+                Label::Free => {}
+                Label::Even => self.forest.dual[v as usize] = self.even_dual(v),
+                Label::Odd => self.forest.dual[v as usize] += self.now - begun,
+            }
             self.forest.since[v as usize] = self.now;
+            if v == last {
+                break;
+            }
+            v = self.forest.next[v as usize];
         }
-        self.leaves = leaves;
         self.settle_blossom(node, label);
     }
 
@@ -164,10 +165,11 @@ impl<'a> Search<'a> {
             return None;
         }
         let labels = (self.forest.label[x as usize], self.forest.label[y as usize]);
-        let slack = self.dual_now(a, labels.0) + self.dual_now(b, labels.1) - self.forest.gains[edge as usize];
+        let gain = self.forest.gains[edge as usize];
         match labels {
-            (Label::Even, Label::Free) | (Label::Free, Label::Even) => Some(self.now + slack),
-            (Label::Even, Label::Even) => Some(self.now + slack / 2),
+            (Label::Even, Label::Free) => Some(self.now + self.even_dual(a) + self.forest.dual[b as usize] - gain),
+            (Label::Free, Label::Even) => Some(self.now + self.forest.dual[a as usize] + self.even_dual(b) - gain),
+            (Label::Even, Label::Even) => Some(self.now + (self.even_dual(a) + self.even_dual(b) - gain) / 2),
             _ => None,
         }
     }
@@ -183,7 +185,8 @@ impl<'a> Search<'a> {
     }
 
     fn set_label(&mut self, node: u32, label: Label, entry: Link, tree: u32) {
-        self.settle(node, Label::Free);
+        self.settle_blossom(node, Label::Free);
+        self.forest.since[node as usize] = self.now;
         self.forest.label[node as usize] = label;
         self.forest.entry[node as usize] = entry;
         self.tree[node as usize] = tree;
@@ -194,21 +197,24 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Announces all that the vertices of a new even node bring.
+    /// Announces all that the vertices of a new even node bring; their duals are those of now.
     fn scan(&mut self, node: u32) {
-        let mut leaves = Vec::new();
+        let mut leaves = std::mem::take(&mut self.leaves);
+        leaves.clear();
         self.forest.leaves(node, &mut leaves);
+        leaves.iter().for_each(|&v| self.forest.since[v as usize] = self.now);
         // All even vertices of a tree lose alike: only the first to be worthless matters.
-        let first = leaves.iter().copied().min_by_key(|&v| (self.dual_now(v, Label::Even), v));
+        let first = leaves.iter().copied().min_by_key(|&v| (self.forest.dual[v as usize], v));
         if let Some(v) = first {
-            let time = self.now + self.dual_now(v, Label::Even);
+            let time = self.now + self.forest.dual[v as usize];
             let tree = self.tree[node as usize] as usize;
             if time < self.worthless_at[tree] {
                 self.worthless_at[tree] = time;
                 self.events.push(Reverse((time, Event::Worthless(v))));
             }
         }
-        leaves.into_iter().for_each(|v| self.announce(v));
+        leaves.iter().for_each(|&v| self.announce(v));
+        self.leaves = leaves;
     }
 
     /// Grows trees from all unmatched vertices that are worth something until none is left.
@@ -384,6 +390,7 @@ impl<'a> Search<'a> {
         self.tree.resize(self.forest.base.len(), NONE);
         self.tree[b] = tree;
         self.touched[tree as usize].push(node);
+        self.forest.string(node, &children);
         let mut were_odd = Vec::new();
         for &child in &children {
             if self.forest.label[child as usize] == Label::Odd {

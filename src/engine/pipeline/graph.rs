@@ -12,7 +12,6 @@ mod sizes;
 pub(super) use charts::preview_step;
 pub(super) use lengths::{Wanted, metric_step};
 pub(super) use meshes::lifted_step;
-pub(super) use quads::triangle_sizes;
 pub(super) use quality::{compare_step, quality_step, result_sizes};
 pub(super) use sizes::size_step;
 
@@ -249,8 +248,7 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
         .collect();
     note_wanted(context, snapshot, &charts);
     let below = |halt| context.and_below(halt, below_charts, &each);
-    let wanted = size_step(context, snapshot, &charts).map_err(below)?;
-    let sizes = triangle_sizes(snapshot, &wanted)?;
+    let sizes = size_step(context, snapshot, &charts).map_err(below)?;
     let all: Vec<u32> = (0..charts.charts.len() as u32).collect();
     let metric = metric_step(context, snapshot, &charts, &sizes).map_err(below)?;
     let lengths = Wanted::new(&sizes, metric.as_deref());
@@ -263,10 +261,10 @@ pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Re
         None => result?,
         Some(kind) => {
             let base = result.map_err(|halt| context.and_below(halt, &[Stage::Quads], &[]))?;
-            quads_step(context, &charts, &tree, &base, &wanted, kind)?
+            quads_step(context, &charts, &tree, &base, &sizes, kind)?
         }
     };
-    Ok(Remesh { charts, sizes: wanted, metric, assembled, result })
+    Ok(Remesh { charts, sizes, metric, assembled, result })
 }
 
 /// The listed patches up to their lifted meshes.
@@ -288,7 +286,7 @@ pub(super) fn listed_step(
     };
     let each: Vec<(Stage, Subject)> = patches.iter().flat_map(|&p| stages.iter().map(move |&s| (s, Subject::Patch(p)))).collect();
     let below = |halt| context.and_below(halt, &[], &each);
-    let sizes = triangle_sizes(snapshot, &size_step(context, snapshot, &charts).map_err(below)?)?;
+    let sizes = size_step(context, snapshot, &charts).map_err(below)?;
     let metric = metric_step(context, snapshot, &charts, &sizes).map_err(below)?;
     let lengths = Wanted::new(&sizes, metric.as_deref());
     let meshes = lifted_step(context, snapshot, &charts, lengths, patches).map_err(below)?;

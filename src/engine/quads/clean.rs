@@ -3,11 +3,14 @@
 use super::mixed::{Corners, Mixed, NONE};
 use crate::error::Result;
 use crate::optimize::input::Input;
-use crate::vector::{angle_between, lerp, sub};
+use crate::vector::{Vec3, add, angle_between, lerp, scale, sub};
 use crate::work::Work;
 
 /// Faces an operation makes must be at least this good, or no worse than those it removes.
 const LEAST: f64 = 0.15;
+
+/// What a flat corner between two curve edges weighs beside squared deviations of counts.
+const FLAT: i64 = 20;
 
 struct Cleaner<'a, 'b> {
     mesh: &'a mut Mixed,
@@ -125,7 +128,7 @@ impl Cleaner<'_, '_> {
                 (self.mesh.position[kept as usize], self.mesh.below[kept as usize]) = (foot.position, foot.face);
             }
             let after = self.worst(new.iter().chain(rest.iter().map(|&g| &self.mesh.faces[g as usize])));
-            if after < before.min(LEAST) {
+            if after < before.min(LEAST) || new.iter().any(|c| self.mesh.is_pinned_flat(super::mixed::corners_of(c))) {
                 (self.mesh.position[kept as usize], self.mesh.below[kept as usize]) = held;
                 continue;
             }
@@ -159,7 +162,8 @@ impl Cleaner<'_, '_> {
         if !unique {
             return false;
         }
-        // Energy of the present edge and of the best other one.
+        let flat = [f, g].iter().filter(|&&f| self.mesh.is_pinned_flat(self.mesh.corners(f))).count() as i64;
+        // Energy of the present edge and of the best other one, which leaves no flat corner.
         let gain_of = |x: u32, y: u32| {
             let ends = [a, b, x, y];
             let change = |v: u32| i64::from(v == x) + i64::from(v == y) - i64::from(v == a) - i64::from(v == b);
@@ -171,7 +175,7 @@ impl Cleaner<'_, '_> {
                     sum += self.energy(v, change(v)) - self.energy(v, 0);
                 }
             }
-            sum
+            sum - FLAT * flat
         };
         let mut best: Option<(i64, [Corners; 2])> = None;
         for i in 0..count {
@@ -204,6 +208,90 @@ impl Cleaner<'_, '_> {
             }
             None => false,
         }
+    }
+
+    /// A quadrangle with a flat corner on a curve and the one beyond an opposite side become three around a new vertex that is joined to
+    /// the corner; where that makes the next corner flat, four around two new vertices.
+    fn unpin(&mut self, f: u32) -> bool {
+        let q = self.mesh.faces[f as usize];
+        let Some(k) = (0..4).find(|&k| self.mesh.is_flat_at(&q, k)) else { return false };
+        let [v, b, x, a] = [0, 1, 2, 3].map(|i| q[(k + i) % 4]);
+        let first = self.mesh.position.len() as u32;
+        let mut best: Option<(f64, u32, Vec<Corners>, Vec<(Vec3, u32)>)> = None;
+        for (from, to) in [(x, a), (b, x)] {
+            let Some(g) = self.mesh.across(f, from, to).filter(|&g| !self.mesh.is_curve(from, to) && self.mesh.is_quad(g)) else {
+                continue;
+            };
+            let n = self.mesh.faces[g as usize];
+            let Some(j) = n.iter().position(|&w| w == from) else { continue };
+            // `g` runs from `to` to `from`, so these two follow.
+            let (after, last) = (n[(j + 1) % 4], n[(j + 2) % 4]);
+            if self.mesh.label[f as usize][1] != self.mesh.label[g as usize][1] || [after, last].iter().any(|w| q.contains(w)) {
+                continue;
+            }
+            let (y, z) = (first, first + 1);
+            let choices: [(Vec<Corners>, Vec<Vec<u32>>); 2] = if to == a {
+                [
+                    (vec![[v, b, x, y], [y, x, after, last], [last, a, v, y]], vec![vec![v, b, x, a, after, last]]),
+                    (
+                        vec![[v, b, x, y], [a, v, y, z], [last, a, z, after], [after, z, y, x]],
+                        vec![vec![v, x, v, x, a], vec![a, after, a, after, v, x]],
+                    ),
+                ]
+            } else {
+                [
+                    (vec![[v, b, after, y], [y, after, last, x], [x, a, v, y]], vec![vec![v, b, x, a, after, last]]),
+                    (
+                        vec![[a, v, y, x], [v, b, z, y], [b, after, last, z], [last, x, y, z]],
+                        vec![vec![v, x, v, x, b], vec![b, last, b, last, v, x]],
+                    ),
+                ]
+            };
+            for (new, means) in choices {
+                let places: Vec<(Vec3, u32)> = means.iter().map(|of| self.mean_place(of)).collect();
+                places.iter().for_each(|p| self.push(*p));
+                let is_flat = new.iter().any(|c| self.mesh.is_pinned_flat(c));
+                let worst = self.worst(new.iter());
+                places.iter().for_each(|_| self.pop());
+                if !is_flat && worst > best.as_ref().map_or(-0.5, |b| b.0 + 0.05) {
+                    best = Some((worst, g, new, places));
+                }
+            }
+        }
+        let Some((_, g, new, places)) = best else { return false };
+        places.iter().for_each(|p| self.push(*p));
+        let label = self.mesh.label[f as usize];
+        self.mesh.replace(&[f, g], &new[..2]);
+        for corners in &new[2..] {
+            let third = self.mesh.faces.len() as u32;
+            self.mesh.faces.push(*corners);
+            self.mesh.label.push(label);
+            corners.iter().for_each(|&w| self.mesh.around[w as usize].push(third));
+        }
+        true
+    }
+
+    /// The point of the surface at the mean of vertices.
+    fn mean_place(&self, of: &[u32]) -> (Vec3, u32) {
+        let sum = of.iter().fold([0.0; 3], |s, &w| add(s, self.mesh.position[w as usize]));
+        let foot = self.input.walk(scale(sum, 1.0 / of.len() as f64), self.mesh.below[of[0] as usize]);
+        (foot.position, foot.face)
+    }
+
+    fn push(&mut self, (position, below): (Vec3, u32)) {
+        self.mesh.position.push(position);
+        self.mesh.below.push(below);
+        self.mesh.is_fixed.push(false);
+        self.mesh.around.push(Vec::new());
+        self.ideal.push(4);
+    }
+
+    fn pop(&mut self) {
+        self.mesh.position.pop();
+        self.mesh.below.pop();
+        self.mesh.is_fixed.pop();
+        self.mesh.around.pop();
+        self.ideal.pop();
     }
 
     /// Two triangles side by side become a quadrangle.
@@ -247,6 +335,7 @@ pub(super) fn clean(mesh: &mut Mixed, input: &Input<'_>, passes: usize, work: &W
                 changes += 1;
                 continue;
             }
+            let is_flat = |c: &Cleaner<'_, '_>| c.mesh.is_face(f) && c.mesh.is_pinned_flat(c.mesh.corners(f));
             for k in 0..4 {
                 let corners = cleaner.mesh.faces[f as usize];
                 let count = if corners[3] == NONE { 3 } else { 4 };
@@ -258,6 +347,9 @@ pub(super) fn clean(mesh: &mut Mixed, input: &Input<'_>, passes: usize, work: &W
                     changes += 1;
                     break;
                 }
+            }
+            if is_flat(&cleaner) && cleaner.unpin(f) {
+                changes += 1;
             }
         }
         if changes == 0 {

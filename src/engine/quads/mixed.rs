@@ -104,16 +104,17 @@ impl Mixed {
 
     /// Whether a quadrangle has a corner between two curve edges that is so flat that nothing can make a good quadrangle of it.
     pub(super) fn is_pinned_flat(&self, corners: &[u32]) -> bool {
-        let count = corners.len();
-        count == 4
-            && (0..count).any(|k| {
-                let (before, v, after) = (corners[(k + 3) % 4], corners[k], corners[(k + 1) % 4]);
-                let to = |w: u32| sub(self.position[w as usize], self.position[v as usize]);
-                self.is_fixed[v as usize]
-                    && self.is_curve(before, v)
-                    && self.is_curve(v, after)
-                    && angle_between(to(before), to(after)) > MOST_PINNED
-            })
+        corners.len() == 4 && (0..4).any(|k| self.is_flat_at(corners, k))
+    }
+
+    /// Whether this corner of a quadrangle is between two curve edges and that flat.
+    pub(super) fn is_flat_at(&self, corners: &[u32], k: usize) -> bool {
+        let (before, v, after) = (corners[(k + 3) % 4], corners[k], corners[(k + 1) % 4]);
+        let to = |w: u32| sub(self.position[w as usize], self.position[v as usize]);
+        self.is_fixed[v as usize]
+            && self.is_curve(before, v)
+            && self.is_curve(v, after)
+            && angle_between(to(before), to(after)) > MOST_PINNED
     }
 
     /// Removes faces and adds others in their place (as many or fewer).

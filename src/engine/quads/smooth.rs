@@ -4,7 +4,7 @@ use super::mixed::Mixed;
 use super::shape::nearest_regular;
 use crate::error::Result;
 use crate::optimize::input::Input;
-use crate::vector::{Vec3, add_scaled, cross, distance, lerp, scale, unit};
+use crate::vector::{Vec3, add_scaled, distance, lerp, scale};
 use crate::work::Work;
 
 /// How sides of the nearest square are drawn to the wanted size.
@@ -31,58 +31,8 @@ fn wanted(mesh: &Mixed, v: u32, size: f64) -> Option<Vec3> {
     (sum.1 > 0.0).then(|| scale(sum.0, 1.0 / sum.1)).filter(|p| p.iter().all(|x| x.is_finite()))
 }
 
-fn worst(mesh: &Mixed, v: u32, input: &Input<'_>) -> f64 {
+pub(super) fn worst(mesh: &Mixed, v: u32, input: &Input<'_>) -> f64 {
     mesh.around[v as usize].iter().map(|&f| mesh.quality_of(mesh.corners(f), input)).fold(1.0, f64::min)
-}
-
-/// Faces below this quality are chased.
-const BAD: f64 = 0.55;
-/// Rounds of the chase, and the steps tried in each, in sizes.
-const CHASE: usize = 8;
-const STEPS: [f64; 3] = [0.2, 0.08, 0.03];
-
-/// Moves single vertices of bad faces in eight directions as long as the worst face around them gets better.
-pub(super) fn chase(mesh: &mut Mixed, input: &Input<'_>, work: &Work<'_>) -> Result<()> {
-    for _ in 0..CHASE {
-        work.check()?;
-        let mut moved = false;
-        for v in 0..mesh.position.len() as u32 {
-            let i = v as usize;
-            if mesh.is_fixed[i] || mesh.around[i].is_empty() {
-                continue;
-            }
-            let mut best = worst(mesh, v, input);
-            if best >= BAD {
-                continue;
-            }
-            let foot = input.walk(mesh.position[i], mesh.below[i]);
-            let (size, normal) = (input.size(&foot), input.normal(&foot));
-            let side = if normal[0].abs() < 0.6 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
-            let x = unit(cross(normal, side));
-            let y = cross(normal, x);
-            for step in STEPS {
-                let mut place = (mesh.position[i], mesh.below[i]);
-                let here = place;
-                for turn in 0..8 {
-                    let (sine, cosine) = (f64::from(turn) * std::f64::consts::FRAC_PI_4).sin_cos();
-                    let p = add_scaled(add_scaled(here.0, x, step * size * cosine), y, step * size * sine);
-                    let foot = input.project(p, here.1, 0.5 * size);
-                    (mesh.position[i], mesh.below[i]) = (foot.position, foot.face);
-                    let after = worst(mesh, v, input);
-                    if after > best + 1e-3 {
-                        best = after;
-                        place = (foot.position, foot.face);
-                        moved = true;
-                    }
-                }
-                (mesh.position[i], mesh.below[i]) = place;
-            }
-        }
-        if !moved {
-            break;
-        }
-    }
-    Ok(())
 }
 
 /// Moves the free vertices at most `rounds` times, only those near others that moved. Curve vertices stay bit-identical.

@@ -128,7 +128,6 @@ fn curved_surfaces_with_and_without_features_keep_their_topology() {
             match kind {
                 // More triangles stay where a branch is four elements around.
                 QuadKind::Mixed => assert!(quads.eta_mean > 0.85 && quads.triangles * fewer < quads.quads, "{quads:?}"),
-                // Branches of the artery are narrower than the triangles of double size that these are made of.
                 QuadKind::All => assert!(quads.eta_mean > 0.7 && quads.triangles == 0, "{quads:?}"),
             }
             elements(&remesh.result);

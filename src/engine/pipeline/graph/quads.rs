@@ -1,30 +1,14 @@
-//! Quadrangles: the sizes of the triangles that they are made of, and their stage.
+//! The stage of quadrangles.
 
 use crate::bvh::TriangleBvh;
-use crate::error::EngineError;
-use crate::fingerprint::Contents;
 use crate::optimize::Remeshed;
 use crate::pipeline::Charts;
 use crate::pipeline::context::{Context, Step};
 use crate::pipeline::kept::Kept;
 use crate::planar::QuadKind;
-use crate::quads::{QuadInput, base_sizes, make_quads};
-use crate::session::Snapshot;
+use crate::quads::{QuadInput, make_quads};
 use crate::sizing::SizeField;
 use crate::stage::{Stage, StageKey, Stored, Subject};
-use std::sync::Arc;
-
-/// The sizes for which triangles are made: those wanted, or larger ones where quadrangles are made of them.
-pub(in crate::pipeline) fn triangle_sizes(snapshot: &Snapshot, wanted: &Stored<SizeField>) -> Step<Stored<SizeField>> {
-    let Some(kind) = snapshot.mesher.quads() else { return Ok(wanted.clone()) };
-    if kind == QuadKind::All && wanted.locked.contains(&true) {
-        return Err(EngineError::bad_parameter("mesher.all_quads", "divides every edge, also those of the boundary that are locked")
-            .with_hint("take the lock away, or let a few triangles stay")
-            .into());
-    }
-    let base = base_sizes(wanted, kind);
-    Ok(Stored { output: base.fingerprint(), bytes: base.bytes(), value: Arc::new(base) })
-}
 
 /// Quadrangles out of the triangles of a finished remesh.
 pub(super) fn quads_step(
