@@ -26,10 +26,11 @@ pub(super) fn join_triangles(mesh: &mut Mixed, input: &Input<'_>, kind: QuadKind
         if f.is_multiple_of(256) {
             work.check()?;
         }
-        if mesh.is_face(f) && !mesh.is_quad(f) {
-            if let Some(way) = way_to_triangle(mesh, f, reach, &mut seen) {
-                walk(mesh, &way, input, least);
-            }
+        if mesh.is_face(f)
+            && !mesh.is_quad(f)
+            && let Some(way) = way_to_triangle(mesh, f, reach, &mut seen)
+        {
+            walk(mesh, &way, input, least);
         }
     }
     Ok(())
