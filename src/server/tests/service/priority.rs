@@ -40,9 +40,9 @@ async fn one_patch_does_not_wait_for_whole_surfaces() {
     let daemon = Daemon::start(config).await;
     let session = prepared(&daemon).await;
     let batch = daemon.tube(150_000, 300_000).await;
+    let other = daemon.tube(100_000, 200_000).await;
     let mut running = daemon.begin_remesh(&batch).await;
     running.message().await.expect("progress").expect("the only place for long work is taken");
-    let other = daemon.tube(100_000, 200_000).await;
     let waiting = daemon.begin_remesh(&other).await;
     let result = remesh_patch(&daemon, &session, 1).await;
     assert!(result.summary.is_some_and(|s| s.runs > 0), "it computed while the others did not end");
