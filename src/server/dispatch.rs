@@ -8,6 +8,7 @@ use crate::progress::Meter;
 use crate::state::Shared;
 use crate::status::{Fault, Told, code_name, log_end, status_of};
 use crate::stream::{Chunks, Watch};
+use crate::trace_context;
 use remesh_engine::EngineError;
 use remesh_engine::error::{Reason, Result as EngineResult};
 use remesh_engine::pipeline::Run;
@@ -196,6 +197,7 @@ impl Call {
         let caller = request.extensions().get::<Caller>().cloned().unwrap_or_default();
         let empty = tracing::field::Empty;
         let span = tracing::info_span!("call", method, id, peer = empty, caller = empty, session = empty, revision = empty);
+        trace_context::adopt(&span, request.metadata());
         if let Some(peer) = request.remote_addr() {
             span.record("peer", tracing::field::display(peer));
         }
@@ -471,6 +473,7 @@ impl Call {
                 catch_unwind(AssertUnwindSafe(|| {
                     let events = |event: &remesh_engine::pipeline::Event| {
                         shared.metrics.on(event);
+                        trace_context::tell(&span, event);
                         meters.iter().flatten().for_each(|meter| meter.on(event));
                     };
                     work(&shared, &Run { cancel: &token, events: &events, threads: shared.config.engine.threads })
