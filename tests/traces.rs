@@ -54,23 +54,37 @@ async fn calls_reach_the_collector_as_parts_of_the_callers_trace() {
     let mut request = Request::new(v1::CreateSessionRequest::default());
     request.metadata_mut().insert("traceparent", format!("00-{TRACE}-{PARENT}-01").parse().expect("ascii"));
     let session = client.sessions().create_session(request).await.expect("session").into_inner().session.expect("session").name;
-    let sample = v1::SampleSpec { kind: v1::SampleKind::Tube.into(), triangles: 800, ..Default::default() };
-    let import = v1::ImportMeshRequest { session, source: Some(v1::import_mesh_request::Source::Sample(sample)), ..Default::default() };
+    let sample = v1::SampleSpec { kind: v1::SampleKind::Tube.into(), triangles: Some(800), ..Default::default() };
+    let import = v1::ImportMeshRequest {
+        session: session.clone(),
+        source: Some(v1::import_mesh_request::Source::Sample(sample)),
+        ..Default::default()
+    };
     client.meshes().import_mesh(import).await.expect("imports");
+    assert!(client.remesh(&session, &[], |_| {}).await.is_err(), "no size is set");
     // Drained, so that the last spans are sent.
     assert!(Command::new("kill").args(["-TERM", &daemon.id().to_string()]).status().expect("kill runs").success());
     assert!(daemon.wait().expect("ends").success());
     let spans = collector.0.lock().expect("no panic");
-    let method = |span: &Span| span.attributes.iter().find(|a| a.key == "method").map(|a| format!("{:?}", a.value)).unwrap_or_default();
-    let of = |name: &str| spans.iter().find(|(_, span)| method(span).contains(name)).unwrap_or_else(|| panic!("no span of {name}"));
+    let of = |name: &str| spans.iter().find(|(_, span)| span.name == name).unwrap_or_else(|| panic!("no span of {name}"));
+    let text = |span: &Span, key: &str| span.attributes.iter().find(|a| a.key == key).map(|a| format!("{:?}", a.value)).unwrap_or_default();
     let (sender, made) = of("CreateSession");
     assert!(sender.contains("remeshd"), "{sender}");
     assert_eq!((hex(&made.trace_id), hex(&made.parent_span_id)), (TRACE.to_owned(), PARENT.to_owned()));
+    assert!(text(made, "rpc.grpc.status").contains("OK"), "{:?}", made.attributes);
     let (_, imported) = of("ImportMesh");
     assert_ne!(hex(&imported.trace_id), TRACE, "a caller that names no trace begins one");
-    let stages = imported.events.iter().filter(|e| e.name == "stage done").count();
-    assert!(stages >= 1, "{:?}", imported.events);
-    assert!(spans.iter().all(|(_, span)| method(span) != ""), "nothing but calls");
+    // Stages lie beneath their call, in its trace and within its time.
+    let beneath: Vec<&Span> = spans.iter().map(|(_, span)| span).filter(|span| span.parent_span_id == imported.span_id).collect();
+    assert!(beneath.iter().any(|span| span.name == "import" && text(span, "outcome").contains("run")), "{beneath:?}");
+    for stage in beneath {
+        assert_eq!(stage.trace_id, imported.trace_id);
+        assert!(stage.start_time_unix_nano >= imported.start_time_unix_nano && stage.end_time_unix_nano <= imported.end_time_unix_nano);
+        assert_ne!(text(stage, "milliseconds"), "");
+    }
+    let (_, refused) = of("RemeshSurface");
+    assert!(text(refused, "rpc.grpc.status").contains("InvalidArgument"), "{:?}", refused.attributes);
+    assert!(spans.iter().all(|(_, span)| span.name != "call"), "all calls have the names of their methods");
 }
 
 #[test]

@@ -8,7 +8,7 @@ use crate::progress::Meter;
 use crate::state::Shared;
 use crate::status::{Fault, Told, code_name, log_end, status_of};
 use crate::stream::{Chunks, Watch};
-use crate::trace_context;
+use crate::trace_context::{self, StageSpans};
 use remesh_engine::EngineError;
 use remesh_engine::error::{Reason, Result as EngineResult};
 use remesh_engine::pipeline::Run;
@@ -181,6 +181,7 @@ impl Drop for Call {
         if !self.ended {
             let _entered = self.span.enter();
             tracing::debug!(milliseconds = self.milliseconds(), "the client went away");
+            trace_context::ended(&self.span, "Cancelled");
             self.shared.metrics.call(self.method, "Cancelled", self.milliseconds());
         }
     }
@@ -224,9 +225,10 @@ impl Call {
 
     fn end(&mut self, fault: &Fault) -> Status {
         self.ended = true;
-        let _entered = self.span.enter();
+        let (_entered, code) = (self.span.enter(), code_name(fault));
         log_end(Some(fault), self.milliseconds());
-        self.shared.metrics.call(self.method, code_name(fault), self.milliseconds());
+        trace_context::ended(&self.span, code);
+        self.shared.metrics.call(self.method, code, self.milliseconds());
         status_of(fault)
     }
 
@@ -237,6 +239,7 @@ impl Call {
                 self.ended = true;
                 let _entered = self.span.enter();
                 log_end(None, self.milliseconds());
+                trace_context::ended(&self.span, "OK");
                 self.shared.metrics.call(self.method, "OK", self.milliseconds());
                 drop(_entered);
                 Ok(Response::new(value))
@@ -470,10 +473,11 @@ impl Call {
                 let _entered = span.enter();
                 let (_permit, _running, _held) = (permit, running, held);
                 let _urgent = (intent == Intent::Short).then(|| gate.enter());
+                let spans = StageSpans::of(&span);
                 catch_unwind(AssertUnwindSafe(|| {
                     let events = |event: &remesh_engine::pipeline::Event| {
                         shared.metrics.on(event);
-                        trace_context::tell(&span, event);
+                        spans.on(event);
                         meters.iter().flatten().for_each(|meter| meter.on(event));
                     };
                     work(&shared, &Run { cancel: &token, events: &events, threads: shared.config.engine.threads })

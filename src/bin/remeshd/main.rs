@@ -3,6 +3,7 @@
 mod settings;
 mod traces;
 
+use opentelemetry_sdk::trace::SdkTracerProvider;
 use remesh_server::health::{self, Probed};
 use remesh_server::security::new_token;
 use remesh_server::{Keeping, Security, SecurityFiles, ServerConfig, serve_with_metrics};
@@ -12,7 +13,6 @@ use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::process::ExitCode;
 use std::time::Duration;
 use tokio::net::TcpListener;
-use opentelemetry_sdk::trace::SdkTracerProvider;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer};
