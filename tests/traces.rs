@@ -1,11 +1,14 @@
 //! Traces over OTLP: the real daemon, and a collector of our own that keeps what comes.
 
+#[path = "common/daemon.rs"]
+mod daemon;
+
+use daemon::Daemon;
 use opentelemetry_proto::tonic::collector::trace::v1::trace_service_server::{TraceService, TraceServiceServer};
 use opentelemetry_proto::tonic::collector::trace::v1::{ExportTraceServiceRequest, ExportTraceServiceResponse};
 use opentelemetry_proto::tonic::trace::v1::Span;
 use remesh_client::{Client, v1};
-use std::io::{BufRead, BufReader};
-use std::process::{Command, Stdio};
+use std::process::Command;
 use std::sync::{Arc, Mutex};
 use tokio::net::TcpListener;
 use tokio_stream::wrappers::TcpListenerStream;
@@ -41,16 +44,8 @@ async fn calls_reach_the_collector_as_parts_of_the_callers_trace() {
     let endpoint = format!("http://{}", listener.local_addr().expect("an address"));
     let service = TraceServiceServer::new(collector.clone());
     tokio::spawn(tonic::transport::Server::builder().add_service(service).serve_with_incoming(TcpListenerStream::new(listener)));
-    let mut command = Command::new(env!("CARGO_BIN_EXE_remeshd"));
-    command.args(["--listen", "127.0.0.1:0", "--otlp-endpoint", &endpoint]).stderr(Stdio::piped());
-    let mut daemon = command.spawn().expect("starts");
-    let mut lines = BufReader::new(daemon.stderr.take().expect("piped")).lines();
-    let address = lines.by_ref().find_map(|line| {
-        let line = line.expect("text");
-        Some(line.split_once("address=")?.1.split_whitespace().next()?.to_owned())
-    });
-    std::thread::spawn(move || lines.for_each(drop));
-    let client = Client::connect(&format!("http://{}", address.expect("an address"))).await.expect("connects");
+    let mut daemon = Daemon::start(&["--otlp-endpoint", &endpoint]);
+    let client = Client::connect(&daemon.address).await.expect("connects");
     let mut request = Request::new(v1::CreateSessionRequest::default());
     request.metadata_mut().insert("traceparent", format!("00-{TRACE}-{PARENT}-01").parse().expect("ascii"));
     let session = client.sessions().create_session(request).await.expect("session").into_inner().session.expect("session").name;
@@ -63,8 +58,7 @@ async fn calls_reach_the_collector_as_parts_of_the_callers_trace() {
     client.meshes().import_mesh(import).await.expect("imports");
     assert!(client.remesh(&session, &[], |_| {}).await.is_err(), "no size is set");
     // Drained, so that the last spans are sent.
-    assert!(Command::new("kill").args(["-TERM", &daemon.id().to_string()]).status().expect("kill runs").success());
-    assert!(daemon.wait().expect("ends").success());
+    assert!(daemon.signal("-TERM").success());
     let spans = collector.0.lock().expect("no panic");
     let of = |name: &str| spans.iter().find(|(_, span)| span.name == name).unwrap_or_else(|| panic!("no span of {name}"));
     let text = |span: &Span, key: &str| span.attributes.iter().find(|a| a.key == key).map(|a| format!("{:?}", a.value)).unwrap_or_default();

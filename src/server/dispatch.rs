@@ -53,6 +53,36 @@ impl Intent {
 /// Work on patches that is estimated to take longer is long.
 const SHORT_MILLISECONDS: f64 = 1000.0;
 
+/// What is known beforehand of how long a computation takes.
+pub(crate) enum Weight {
+    /// Enough.
+    Known(Intent),
+    /// As much as a plan tells. If there is no plan, there will be no computation but an error.
+    Planned(Plan),
+}
+
+/// Makes a plan, which computes nothing.
+type Plan = Box<dyn FnOnce(&Shared, &Run<'_>) -> EngineResult<Intent> + Send>;
+
+impl Weight {
+    /// Of a computation that is planned first.
+    pub(crate) fn planned(plan: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<Intent> + Send + 'static) -> Weight {
+        Weight::Planned(Box::new(plan))
+    }
+}
+
+impl From<Intent> for Weight {
+    fn from(intent: Intent) -> Weight {
+        Weight::Known(intent)
+    }
+}
+
+/// What became of work that was planned: short work is done where its plan was made, since each way between threads takes time.
+enum Planned<T, W> {
+    Done(T),
+    Long(W),
+}
+
 /// Permits to compute, and the calls that are on.
 #[derive(Debug)]
 pub(crate) struct Pool {
@@ -294,7 +324,7 @@ impl Call {
         tokio::spawn(async move {
             let moving = operation.clone();
             let meter = Meter::new(move |progress| moving.progress(progress));
-            let result = call.work(Intent::Long, Some(meter), move |shared, run| work(shared, run, &target)).await;
+            let result = call.work(Intent::Long.into(), Some(meter), move |shared, run| work(shared, run, &target)).await;
             let told = result.as_ref().err().cloned();
             operation.end(result);
             // For the log and the metrics only.
@@ -342,18 +372,13 @@ impl Call {
         self.check(known)
     }
 
-    /// How long a computation is likely to take, from a plan of it. If there is no plan, there will be no computation but an error.
-    pub(crate) async fn weigh(&self, plan: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<Intent> + Send + 'static) -> Intent {
-        self.run(Intent::Short, [None, None], plan).await.unwrap_or(Intent::Short)
-    }
-
     /// Answers with the outcome of a computation on the pool.
     pub(crate) async fn compute<T: Send + 'static>(
         self,
-        intent: Intent,
+        weight: impl Into<Weight>,
         work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<T> + Send + 'static,
     ) -> Result<Response<T>, Status> {
-        let result = self.work(intent, None, work).await;
+        let result = self.work(weight.into(), None, work).await;
         self.finish(result)
     }
 
@@ -379,20 +404,20 @@ impl Call {
     /// The outcome of a computation on the pool, for a call that goes on after it.
     pub(crate) async fn on_pool<T: Send + 'static>(
         self,
-        intent: Intent,
+        weight: impl Into<Weight>,
         work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<T> + Send + 'static,
     ) -> (Self, Result<T, Fault>) {
-        let result = self.work(intent, None, work).await;
+        let result = self.work(weight.into(), None, work).await;
         (self, result)
     }
 
     /// Answers with a computed stream of messages, made one by one as the client takes them.
     pub(crate) async fn bulk<M: Send + 'static>(
         self,
-        intent: Intent,
+        weight: impl Into<Weight>,
         work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<Chunks<M>> + Send + 'static,
     ) -> Result<Response<Watch<M>>, Status> {
-        let result = self.work(intent, None, work).await;
+        let result = self.work(weight.into(), None, work).await;
         let deadline = self.deadline;
         self.finish(result.map(|chunks| Watch::of_chunks(chunks, deadline)))
     }
@@ -400,12 +425,13 @@ impl Call {
     /// Answers at once with a stream of progress that ends with the outcome of a computation on the pool.
     pub(crate) fn watch<M: Send + 'static, T: Send + 'static>(
         self,
-        intent: Intent,
+        weight: impl Into<Weight>,
         wrap_progress: impl Fn(v1::Progress) -> M + Send + 'static,
         wrap_result: impl FnOnce(T) -> M + Send + 'static,
         work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<T> + Send + 'static,
     ) -> Result<Response<Watch<M>>, Status> {
         let (sender, receiver) = mpsc::channel(PROGRESS_BUFFER);
+        let weight = weight.into();
         let token = self.token.clone();
         let meter_sender = sender.clone();
         let task = async move {
@@ -413,7 +439,7 @@ impl Call {
                 // A client that reads slowly misses progress, never the result.
                 let _ = meter_sender.try_send(Ok(wrap_progress(progress)));
             });
-            let result = self.work(intent, Some(meter), work).await;
+            let result = self.work(weight, Some(meter), work).await;
             let last = self.finish(result).map(|response| wrap_result(response.into_inner()));
             let _ = sender.send(last).await;
         };
@@ -425,7 +451,7 @@ impl Call {
     /// no news.
     async fn work<T: Send + 'static>(
         &self,
-        intent: Intent,
+        weight: Weight,
         meter: Option<Meter>,
         work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<T> + Send + 'static,
     ) -> Result<T, Fault> {
@@ -438,7 +464,21 @@ impl Call {
                 desk.feed.push(revision, Event::StageMoved(v1::StageMoved { call, progress: Some(progress) }));
             })
         });
-        let result = self.run(intent, [meter, stages], work).await;
+        let meters = Arc::new([meter, stages]);
+        let result = match weight {
+            Weight::Known(intent) => self.run(intent, meters, work).await,
+            Weight::Planned(plan) => {
+                let both = |shared: &Shared, run: &Run<'_>| match plan(shared, run) {
+                    Ok(Intent::Long) => Ok(Planned::Long(work)),
+                    Ok(Intent::Short) | Err(_) => work(shared, run).map(Planned::Done),
+                };
+                match self.run(Intent::Short, meters.clone(), both).await {
+                    Ok(Planned::Done(value)) => Ok(value),
+                    Ok(Planned::Long(work)) => self.run(Intent::Long, meters, work).await,
+                    Err(fault) => Err(fault),
+                }
+            }
+        };
         if let Some((desk, revision)) = &self.desk
             && (result.is_err() || moved.load(Ordering::Relaxed))
         {
@@ -454,7 +494,7 @@ impl Call {
     async fn run<T: Send + 'static>(
         &self,
         intent: Intent,
-        meters: [Option<Meter>; 2],
+        meters: Arc<[Option<Meter>; 2]>,
         work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<T> + Send + 'static,
     ) -> Result<T, Fault> {
         let shared = self.shared.clone();

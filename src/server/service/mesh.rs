@@ -4,7 +4,7 @@ use super::upload::{missing, receive};
 use crate::answers::{Open, open_edit};
 use crate::convert::from_proto::{self, WhichMesh};
 use crate::convert::{sources, to_proto};
-use crate::dispatch::{Call, Intent};
+use crate::dispatch::{Call, Intent, Weight};
 use crate::state::{Shared, Target, blob_name};
 use crate::stream::{Chunks, Column, Watch, file_pieces};
 use remesh_engine::error::Result as EngineResult;
@@ -310,8 +310,8 @@ impl MeshService for Meshes {
         let request = request.into_inner();
         let target = call.target(&request.session, request.expected_revision)?;
         let planned = target.clone();
-        let intent = call.weigh(move |shared, run| weight(shared, run, &planned, WhichMesh::Input)).await;
-        call.compute(intent, move |shared, run| diagnose(shared, run, &target)).await
+        let weight = Weight::planned(move |shared, run| weight(shared, run, &planned, WhichMesh::Input));
+        call.compute(weight, move |shared, run| diagnose(shared, run, &target)).await
     }
 
     type ExportMeshStream = Watch<v1::ExportMeshResponse>;
@@ -321,8 +321,8 @@ impl MeshService for Meshes {
         let request = request.into_inner();
         let target = call.target(&request.session, request.expected_revision)?;
         let (planned, source) = (target.clone(), request.source);
-        let intent = call.weigh(move |shared, run| weight(shared, run, &planned, from_proto::which_mesh(source)?)).await;
-        call.bulk(intent, move |shared, run| export(shared, run, &target, &request)).await
+        let weight = Weight::planned(move |shared, run| weight(shared, run, &planned, from_proto::which_mesh(source)?));
+        call.bulk(weight, move |shared, run| export(shared, run, &target, &request)).await
     }
 
     type ReadMeshDataStream = Watch<v1::ReadMeshDataResponse>;
@@ -332,7 +332,7 @@ impl MeshService for Meshes {
         let request = request.into_inner();
         let target = call.target(&request.session, request.expected_revision)?;
         let planned = (target.clone(), request.clone());
-        let intent = call.weigh(move |shared, run| weight_of_data(shared, run, &planned.0, &planned.1)).await;
-        call.bulk(intent, move |shared, run| read(shared, run, &target, &request)).await
+        let weight = Weight::planned(move |shared, run| weight_of_data(shared, run, &planned.0, &planned.1));
+        call.bulk(weight, move |shared, run| read(shared, run, &target, &request)).await
     }
 }

@@ -3,7 +3,7 @@
 use super::patch_edit;
 use crate::answers::{Open, open_edit};
 use crate::convert::{from_proto, patches, to_proto};
-use crate::dispatch::{Call, Intent};
+use crate::dispatch::{Call, Intent, Weight};
 use crate::state::{Shared, Target};
 use crate::stream::{Chunks, Column, Watch};
 use remesh_engine::EngineError;
@@ -122,9 +122,9 @@ impl PartitionService for Partitions {
             let plan = if with_charts { pipeline::plan_charts } else { pipeline::plan_partition };
             Ok(Intent::of_plan(&plan(&shared.engine, &planned.snapshot, run)?))
         };
-        let intent = call.weigh(weigh).await;
+        let weight = Weight::planned(weigh);
         call.watch(
-            intent,
+            weight,
             move |progress| wrap(Event::Progress(progress)),
             move |result| wrap(Event::Result(result)),
             move |shared, run| partition(shared, run, &target, request.with_charts),
@@ -138,8 +138,8 @@ impl PartitionService for Partitions {
         let request = request.into_inner();
         let target = call.target(&request.session, request.expected_revision)?;
         let planned = target.clone();
-        let intent = call.weigh(move |shared, run| weight_of_layout(shared, run, &planned)).await;
-        call.bulk(intent, move |shared, run| read(shared, run, &target, &request)).await
+        let weight = Weight::planned(move |shared, run| weight_of_layout(shared, run, &planned));
+        call.bulk(weight, move |shared, run| read(shared, run, &target, &request)).await
     }
 
     async fn split_patch(&self, request: Request<v1::SplitPatchRequest>) -> Result<Response<v1::SplitPatchResponse>, Status> {
