@@ -1,6 +1,7 @@
 //! How fast the daemon lets go and lets pass, over TCP to a process of its own:
 //!
 //! - `cancel`: from a dropped call, a deadline, a cancelled operation or a deleted session to the end of the compute, at random moments;
+//! - `methods`: the same by cancelled operations for the other strategies of partition and meshers, at random moments each;
 //! - `priority`: a re-pin and one patch, idle and under a batch load that never ends;
 //! - `overhead`: the same remesh and re-pin by the daemon and by the engine called directly, each in a process of its own.
 //!
@@ -31,6 +32,8 @@ use v1::change::Change;
 use v1::start_operation_request::Work;
 
 const TRIANGLES: u64 = 70_000;
+/// Previews in each turn of `overhead`.
+const PREVIEWS: usize = 100;
 
 fn variable(name: &str) -> Option<String> {
     std::env::var(name).ok().filter(|value| !value.is_empty())
@@ -146,6 +149,49 @@ async fn cancel(moments: u64) {
     }
     let mut all = times.concat();
     println!("cancel: all: {}", told(&mut all));
+}
+
+/// The strategies of partition and the meshers that a plain remesh does not run.
+fn methods() -> Vec<(&'static str, Change)> {
+    use v1::MesherKind;
+    let partition =
+        |strategy: v1::PartitionStrategy| Change::Partition(v1::PartitionSpec { strategy: strategy.into(), ..Default::default() });
+    let mesher = |kind: MesherKind| Change::Mesher(v1::MesherSpec { kind: kind.into(), ..Default::default() });
+    vec![
+        ("laplace", partition(v1::PartitionStrategy::Laplace)),
+        ("pants", partition(v1::PartitionStrategy::Pants)),
+        ("plane", partition(v1::PartitionStrategy::Plane)),
+        ("handles", partition(v1::PartitionStrategy::Handles)),
+        ("quads", mesher(MesherKind::Quads)),
+        ("anisotropic", mesher(MesherKind::Anisotropic)),
+        ("delaunay", mesher(MesherKind::Delaunay)),
+        ("mesh adapt", mesher(MesherKind::MeshAdapt)),
+    ]
+}
+
+async fn cancel_methods(moments: u64) {
+    let daemon = Daemon::start(&["--cache-mb", "0"]);
+    let client = client_of(&daemon).await;
+    let mut state = 7u64;
+    for (name, change) in methods() {
+        let mut whole = session(&client, TRIANGLES).await;
+        whole.apply(change.clone()).await.expect(name);
+        let begin = Instant::now();
+        let ended = client.remesh(whole.name(), &[], |_| {}).await.map(|_| ()).map_err(|error| error.to_string());
+        let (duration, mut times) = (milliseconds(begin), Vec::new());
+        for _ in 0..moments {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            let wait = Duration::from_secs_f64(duration * 1e-3 * (state >> 11) as f64 / (1u64 << 53) as f64);
+            let operation = client.start(whole.name(), Work::Remesh(v1::RemeshWork::default())).await.expect("starts");
+            tokio::time::sleep(wait).await;
+            let told = Instant::now();
+            client.cancel(&operation.name).await.expect("cancels");
+            times.push((until_idle(&client, told).await, wait));
+        }
+        let latest = times.iter().max_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |(_, wait)| wait.as_secs_f64() * 1e3);
+        let mut times: Vec<f64> = times.into_iter().map(|(time, _)| time).collect();
+        println!("methods: {name}: {} (the largest {latest:.0} ms after the begin of {duration:.0} ms: {ended:?})", told(&mut times));
+    }
 }
 
 /// Two vertices of a patch to pin, other ones for each `round`.
@@ -266,7 +312,7 @@ fn in_another_process() -> (f64, Vec<f64>, Vec<u32>) {
 async fn overhead(rounds: usize) {
     let (mut by_engine, mut by_daemon): ([Vec<f64>; 2], [Vec<f64>; 2]) = Default::default();
     // In turns, so that what else the machine does meets both.
-    for _ in 0..rounds.div_ceil(20).clamp(1, 7) {
+    for _ in 0..rounds.div_ceil(20).clamp(1, 20) {
         let (remesh, previews, vertices) = tokio::task::spawn_blocking(in_another_process).await.expect("no panic");
         by_engine[0].push(remesh);
         by_engine[1].extend(previews);
@@ -277,7 +323,7 @@ async fn overhead(rounds: usize) {
         client.remesh(session.name(), &[], |_| {}).await.expect("remesh");
         by_daemon[0].push(milliseconds(begin));
         client.read_chart(session.name(), 0).await.expect("chart");
-        for round in 0..20 {
+        for round in 0..PREVIEWS {
             let edit = pins(&vertices, round);
             let begin = Instant::now();
             client.preview_chart(session.name(), 0, edit).await.expect("preview");
@@ -295,12 +341,15 @@ fn main() {
     let wanted = variable("REMESH_LATENCY").unwrap_or_default();
     let moments = variable("REMESH_MOMENTS").and_then(|v| v.parse().ok()).unwrap_or(4);
     if wanted == "direct" {
-        return direct(20);
+        return direct(PREVIEWS);
     }
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().expect("threads");
     runtime.block_on(async {
         if wanted.is_empty() || wanted.contains("cancel") {
             cancel(moments).await;
+        }
+        if wanted.is_empty() || wanted.contains("methods") {
+            cancel_methods(moments).await;
         }
         if wanted.is_empty() || wanted.contains("priority") {
             priority(moments).await;

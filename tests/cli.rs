@@ -293,12 +293,36 @@ fn a_session_of_a_daemon_step_by_step() {
     has(&["watch", session, "--after-revision", "0", "--no-stages", "--count", "2"], "revision 1: mesh");
     has(&["watch", session, "--after-revision", "0", "--count", "1", "--json"], r#""event":"#);
 
+    operations(&at, &has, session);
     has(&["session", "list"], session);
     has(&["session", "set-ttl", session, "1h"], "3600 s");
     has(&["status"], "sessions  1 of");
+    has(&["status"], "none; all is in memory");
+    has(&["status", "--json"], "\"store\":null");
     has(&["session", "delete", session], "is deleted");
     assert_eq!(at(&["plan", session]).code, Some(1), "gone");
     has(&["status"], "sessions  0 of");
+}
+
+/// The verbs of `operations`.
+fn operations(at: &dyn Fn(&[&str]) -> Answer, has: &dyn Fn(&[&str], &str), session: &str) {
+    let started = at(&["operations", "start", session, "--quality"]).ok().out;
+    let name = started.trim();
+    assert!(name.starts_with(session) && name.contains("/operations/"), "{started}");
+    has(&["operations", "wait", name], "succeeded");
+    has(&["operations", "result", name], "kappa");
+    has(&["operations", "result", name, "--json"], "\"seams\":");
+    has(&["operations", "show", name, "--json"], "\"state\":\"succeeded\"");
+    let again = at(&["operations", "start", session]).ok().out;
+    has(&["operations", "list", session], again.trim());
+    at(&["operations", "cancel", again.trim()]).ok();
+    // Either it had ended, or it is stopped: both are ends.
+    let waited = at(&["operations", "wait", again.trim()]);
+    assert!(
+        waited.out.contains("succeeded") && waited.code == Some(0) || waited.out.contains("cancelled") && waited.code == Some(1),
+        "{waited:?}"
+    );
+    assert_eq!(at(&["operations", "show", &format!("{session}/operations/99")]).code, Some(1));
 }
 
 /// The verbs of `chart` on one patch; the session is as it was afterwards, but for its revision.

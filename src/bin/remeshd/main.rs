@@ -48,6 +48,7 @@ fn config_of(settings: &Settings) -> ServerConfig {
     config.keeping = settings.data_dir.as_ref().map(|folder| Keeping {
         folder: folder.clone(),
         max_bytes: settings.max_store_mb.map(|mb| megabytes(mb.get()) as u64),
+        max_bytes_per_client: settings.max_store_mb_per_client.map(|mb| megabytes(mb.get()) as u64),
         blob_grace: config.upload_patience,
     });
     config

@@ -136,6 +136,9 @@ pub(crate) struct Settings {
     /// Megabytes that the data folder may take [default: what the disk has]
     #[arg(long, value_name = "MB", requires = "data_dir")]
     pub(crate) max_store_mb: Option<NonZeroUsize>,
+    /// Megabytes of the data folder that sessions and files of one client may take [default: no bound but --max-store-mb]
+    #[arg(long, value_name = "MB", requires = "data_dir")]
+    pub(crate) max_store_mb_per_client: Option<NonZeroUsize>,
     /// Minutes that an uploaded file stays in the data folder although no session uses it, and that a broken upload can be gone on with
     #[arg(long, value_name = "MINUTES", default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..=525_600))]
     pub(crate) upload_grace_minutes: u64,

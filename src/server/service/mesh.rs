@@ -277,12 +277,19 @@ fn diagnose(shared: &Shared, run: &Run<'_>, target: &Target) -> EngineResult<v1:
 impl MeshService for Meshes {
     async fn upload_mesh(&self, request: Request<Streaming<v1::UploadMeshRequest>>) -> Result<Response<v1::UploadMeshResponse>, Status> {
         let call = Call::begin(&self.0, "UploadMesh", &request)?;
-        let upload = match receive(&self.0, call.caller(), request.into_inner()).await {
+        let upload = match receive(&self.0, call.caller(), call.client(), request.into_inner()).await {
             Ok(upload) => upload,
             Err(fault) => return call.finish(Err(fault)),
         };
         let bytes = upload.file.bytes();
-        let finish = move |shared: &Shared, _: &Run<'_>| Ok(upload.file.finish(shared, upload.expected.as_deref()));
+        let client = call.client().clone();
+        let finish = move |shared: &Shared, _: &Run<'_>| {
+            let finished = upload.file.finish(shared, upload.expected.as_deref());
+            if let Ok(blob) = &finished {
+                shared.keeper.charges.sent(&client, (blob.digest.clone(), bytes), shared.config.clock.now());
+            }
+            Ok(finished)
+        };
         let (call, stored) = call.on_pool(Intent::Short, finish).await;
         let response = stored.and_then(|finished| finished).map(|blob| v1::UploadMeshResponse { blob: blob_name(&blob.digest), bytes });
         call.finish(response)
