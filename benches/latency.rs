@@ -309,8 +309,23 @@ fn in_another_process() -> (f64, Vec<f64>, Vec<u32>) {
     (remesh, previews, vertices.into_iter().map(|vertex| vertex as u32).collect())
 }
 
+/// A preview of which only the header and one small column come.
+async fn header_only(client: &Client, session: &str, edit: ChartEdit) {
+    let request = v1::PreviewPatchChartRequest {
+        session: session.to_owned(),
+        patch: 0,
+        spec: Some(edit.spec),
+        update_mask: Some(prost_types::FieldMask { paths: edit.paths }),
+        columns: vec![v1::DataColumn::SourceVertex.into()],
+        ..Default::default()
+    };
+    let mut stream = client.charts().preview_patch_chart(request).await.expect("preview").into_inner();
+    while stream.message().await.expect("a message").is_some() {}
+}
+
 async fn overhead(rounds: usize) {
     let (mut by_engine, mut by_daemon): ([Vec<f64>; 2], [Vec<f64>; 2]) = Default::default();
+    let (mut inside, mut until_header) = (Vec::new(), Vec::new());
     // In turns, so that what else the machine does meets both.
     for _ in 0..rounds.div_ceil(20).clamp(1, 20) {
         let (remesh, previews, vertices) = tokio::task::spawn_blocking(in_another_process).await.expect("no panic");
@@ -326,8 +341,12 @@ async fn overhead(rounds: usize) {
         for round in 0..PREVIEWS {
             let edit = pins(&vertices, round);
             let begin = Instant::now();
-            client.preview_chart(session.name(), 0, edit).await.expect("preview");
+            let shown = client.preview_chart(session.name(), 0, edit).await.expect("preview");
             by_daemon[1].push(milliseconds(begin));
+            inside.push(shown.chart.run.milliseconds);
+            let (edit, begin) = (pins(&vertices, PREVIEWS + round), Instant::now());
+            header_only(&client, session.name(), edit).await;
+            until_header.push(milliseconds(begin));
         }
     }
     for (k, what) in ["remesh", "re-pin (preview, with all columns of the chart)"].iter().enumerate() {
@@ -335,6 +354,8 @@ async fn overhead(rounds: usize) {
         let share = 100.0 * (daemon / engine - 1.0);
         println!("overhead: {what}: engine {engine:.1} ms, daemon {daemon:.1} ms, {:+.1} ms, {share:+.1} %", daemon - engine);
     }
+    let [inside, small] = [&mut inside, &mut until_header].map(|times| median(times));
+    println!("overhead: a preview with all columns computes {inside:.1} ms in the daemon; with one small column it takes {small:.1} ms");
 }
 
 fn main() {

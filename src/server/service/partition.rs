@@ -10,6 +10,7 @@ use remesh_engine::EngineError;
 use remesh_engine::error::{Reason, Result as EngineResult};
 use remesh_engine::partition::PatchRequest;
 use remesh_engine::pipeline::{self, Answer, Layout, Partitioned, Run};
+use remesh_engine::stage::Outcome;
 use remesh_proto::v1;
 use remesh_proto::v1::partition_service_server::PartitionService;
 use std::sync::Arc;
@@ -31,10 +32,17 @@ pub(crate) fn check_patch(layout: &Layout, patch: u32) -> EngineResult<usize> {
         .with_metadata("patches", count))
 }
 
-/// How dear the charts of a session are.
+/// How dear the charts of a session are. Those of a small surface are short work even if nothing of it is there yet: somebody takes a first look.
 pub(crate) fn weight_of_layout(shared: &Shared, run: &Run<'_>, target: &Target) -> EngineResult<Intent> {
-    Ok(Intent::of_plan(&pipeline::plan_charts(&shared.engine, &target.snapshot, run)?))
+    let records = pipeline::plan_charts(&shared.engine, &target.snapshot, run)?;
+    let to_run = records.iter().filter(|record| record.outcome == Outcome::Run);
+    let estimated: f64 = to_run.map(|record| record.milliseconds).sum();
+    Ok(if estimated <= FIRST_LOOK_MILLISECONDS { Intent::Short } else { Intent::of_plan(&records) })
 }
+
+/// A plan ends at the first stage whose input is not there, so that of a first look it tells the partition, but not the charts, which take about
+/// as long again.
+const FIRST_LOOK_MILLISECONDS: f64 = 100.0;
 
 fn partition(shared: &Shared, run: &Run<'_>, target: &Target, with_charts: bool) -> EngineResult<v1::PartitionResult> {
     let begin = Instant::now();
