@@ -37,6 +37,14 @@ pub(crate) enum Intent {
 }
 
 impl Intent {
+    /// Threads that it may take. Short work starts none: what it looks up is found sooner than a thread is started and waited for.
+    fn threads(self, shared: &Shared) -> usize {
+        match self {
+            Intent::Short => 1,
+            Intent::Long => shared.config.engine.threads,
+        }
+    }
+
     /// Of work that has to run what a plan says is not cached: short if that is nothing of the whole surface, but little of a few patches.
     pub(crate) fn of_plan<'a>(records: impl IntoIterator<Item = &'a StageRecord>) -> Intent {
         let mut estimated = 0.0;
@@ -520,7 +528,7 @@ impl Call {
                         spans.on(event);
                         meters.iter().flatten().for_each(|meter| meter.on(event));
                     };
-                    work(&shared, &Run { cancel: &token, events: &events, threads: shared.config.engine.threads })
+                    work(&shared, &Run { cancel: &token, events: &events, threads: intent.threads(&shared) })
                 }))
             };
             match tokio::task::spawn_blocking(blocking).await {

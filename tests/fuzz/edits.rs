@@ -37,8 +37,13 @@ fn cancelled(engine: &Engine, snapshot: &Snapshot, random: &mut Random) {
     let _ = pipeline::remesh(engine, snapshot, &Run { cancel: &cancel, events: &events, threads: 2 });
 }
 
-/// Rounds of the optimisation: it takes most of the time, so that few scripts have all of it.
-const ROUNDS: [u32; 8] = [0, 0, 0, 0, 0, 1, 1, 3];
+/// The optimisation takes most of the time, above all the search for better triangles where a size is coarser than the shape: few scripts have all
+/// of it.
+fn optimize(random: &mut Random) -> Change {
+    let rounds = *random.pick(&[0, 0, 0, 0, 0, 1, 1, 3]);
+    let usual = OptimizeSpec::default();
+    Change::Optimize(OptimizeSpec { rounds, min_kappa: *random.pick(&[0.05, 0.05, 0.05, 0.05, 0.2, usual.min_kappa]) })
+}
 
 fn mesh(random: &mut Random) -> Change {
     let kind = *random.pick(&[SampleKind::Tube, SampleKind::Tube, SampleKind::CadPart]);
@@ -69,7 +74,7 @@ fn change(random: &mut Random) -> Change {
             Mesher::Delaunay { min_angle_deg: 20.0 },
             Mesher::Quads(QuadKind::Mixed),
         ])),
-        7 => Change::Optimize(OptimizeSpec { rounds: *random.pick(&ROUNDS), ..OptimizeSpec::default() }),
+        7 => optimize(random),
         _ => Change::ResetPatchEdits,
     }
 }
@@ -109,9 +114,8 @@ fn edited_sessions_equal_fresh_ones() {
         let small = EngineConfig { cache_bytes: 1 << 20, ..EngineConfig::default() };
         let engine = Engine::new(if random.one_in(3) { small } else { EngineConfig::default() });
         let session = engine.create_session(None, SystemTime::now()).expect("session");
-        let rounds = Change::Optimize(OptimizeSpec { rounds: *random.pick(&ROUNDS), ..OptimizeSpec::default() });
         let size = Change::Size(SizeSpec::TriangleCount { triangles: 60 });
-        session.apply(None, &[mesh(&mut random), size, rounds]).expect("inputs");
+        session.apply(None, &[mesh(&mut random), size, optimize(&mut random)]).expect("inputs");
         for _ in 0..3 + random.below(8) {
             match random.below(10) {
                 0 => drop(session.edit(None, Edit::Undo, |_| Ok(()), |_| ())),
