@@ -136,7 +136,7 @@ fn conformal_charts_give_better_meshes_than_mean_value_ones() {
         let mut rows = Vec::new();
         for method in [ChartMethod::MeanValue, ChartMethod::SpectralConformal] {
             let (engine, session) = open(file(name), ImportOptions::default());
-            let raw = remesh_engine::optimize::OptimizeSpec { rounds: 0, min_kappa: 0.0 };
+            let raw = remesh_engine::optimize::OptimizeSpec { rounds: 0, min_kappa: 0.0, ..Default::default() };
             let size = Change::Size(SizeSpec::TriangleCount { triangles });
             let along_edges = Change::Partition(PartitionSpec { borders: BorderSmoothing::Vote, ..PartitionSpec::default() });
             session.apply(None, &[size, along_edges, Change::Optimize(raw), Change::Chart(ChartSpec::only(method))]).unwrap();

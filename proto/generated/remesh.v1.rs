@@ -1665,6 +1665,9 @@ pub struct OptimizeSpec {
     /// Triangles of lower kappa are chased one by one afterwards. Default 0.77.
     #[prost(double, optional, tag = "2")]
     pub min_kappa: ::core::option::Option<f64>,
+    /// How the mesh lies about the input. Vertices of quadrangles always lie on it.
+    #[prost(enumeration = "SurfaceFit", tag = "3")]
+    pub fit: i32,
 }
 /// All inputs of a session besides the mesh.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -2130,6 +2133,40 @@ impl SurfaceCurves {
             "SURFACE_CURVES_UNSPECIFIED" => Some(Self::Unspecified),
             "SURFACE_CURVES_FEATURES" => Some(Self::Features),
             "SURFACE_CURVES_BOUNDARY" => Some(Self::Boundary),
+            _ => None,
+        }
+    }
+}
+/// Where the vertices of triangles lie that are neither on the boundary nor on features.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum SurfaceFit {
+    /// SURFACE_FIT_FACES.
+    Unspecified = 0,
+    /// Off the input by about an eighth of the square of an edge over the radius of curvature, at most 0.08 of the local size, so that the faces lie
+    /// to both sides of it: about half the root mean square distance, volumes and radii kept.
+    Faces = 1,
+    /// On the input. Faces cut below its bulges.
+    Vertices = 2,
+}
+impl SurfaceFit {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "SURFACE_FIT_UNSPECIFIED",
+            Self::Faces => "SURFACE_FIT_FACES",
+            Self::Vertices => "SURFACE_FIT_VERTICES",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "SURFACE_FIT_UNSPECIFIED" => Some(Self::Unspecified),
+            "SURFACE_FIT_FACES" => Some(Self::Faces),
+            "SURFACE_FIT_VERTICES" => Some(Self::Vertices),
             _ => None,
         }
     }

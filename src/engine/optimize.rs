@@ -5,6 +5,7 @@ mod activity;
 mod anisotropic;
 mod capture;
 mod chase;
+mod fit;
 pub(crate) mod input;
 mod interior;
 mod kernel;
@@ -42,11 +43,24 @@ pub struct OptimizeSpec {
     pub rounds: u32,
     /// Triangles below this kappa are chased one by one afterwards, those that resist by trying what makes things worse at first.
     pub min_kappa: f64,
+    /// How the mesh lies about the input.
+    pub fit: SurfaceFit,
+}
+
+/// Where free vertices lie.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum SurfaceFit {
+    /// Off the input by at most 0.08 of the local size, such that the faces lie to both sides of it: about half the root mean square
+    /// distance, volumes and radii kept.
+    #[default]
+    Faces,
+    /// On the input. Faces cut below its bulges.
+    Vertices,
 }
 
 impl Default for OptimizeSpec {
     fn default() -> Self {
-        OptimizeSpec { rounds: 3, min_kappa: 0.77 }
+        OptimizeSpec { rounds: 3, min_kappa: 0.77, fit: SurfaceFit::default() }
     }
 }
 
@@ -94,10 +108,10 @@ pub enum Interiors {
 
 /// Optimises. Keeps topology, corners, and curves as curves; never flips a face against the input's normal; deterministic.
 ///
-/// Free vertices end on the input, off its boundary (a few may be lifted off it by up to 0.1 of the local size where two sheets would otherwise
-/// cross). Curve vertices slide or go only where their curve moves by at most 0.04 of the local size, 0.085 where a needle vanishes;
+/// Free vertices end on the input, off its boundary, or where the fit asks for it beside it (a few may be lifted off by up to 0.1 of the local
+/// size where two sheets would otherwise cross). Curve vertices slide or go only where their curve moves by at most 0.04 of the local size, 0.085 where a needle vanishes;
 /// sharp turns fainter than that, off the boundary, do not count as corners; the boundary moves by at most 0.01 of it a step. Crests
-/// and tips of the input missed by more than 0.3 % of its diagonal (0.12 to 0.25 of the local size) get a vertex where one fits.
+/// and tips of the input missed by more than 0.25 % of its diagonal (0.12 to 0.25 of the local size) get a vertex where one fits.
 /// Near-linear. Not guaranteed: that every face reaches
 /// `min_kappa` (corners may be closer than elements are long), nor that no intersection is left where sheets nearly touch.
 ///
@@ -133,7 +147,11 @@ pub fn optimize_surface(
         }
         rescue::rescue(&mut state, spec.min_kappa, Effort::Whole, work)?;
         polish::polish(&mut state, spec.min_kappa, work)?;
-        crossing = Some(untangle::untangle(&mut state, work)? as u32);
+        let fitted = match spec.fit {
+            SurfaceFit::Faces => fit::fit(&mut state, spec.min_kappa, work)?,
+            SurfaceFit::Vertices => Vec::new(),
+        };
+        crossing = Some(untangle::untangle(&mut state, &fitted, work)? as u32);
     }
     let flat = state.mesh.faces_left().filter(|&f| state.kappa(f) < FLAT).count();
     Ok(Remeshed { crossing_faces: crossing, flat_faces: flat as u32, ..finish(input, &state) })

@@ -131,7 +131,8 @@ impl Stage {
     /// Version of the algorithm; part of every key, so that a changed algorithm never finds an old output.
     fn version(self) -> u64 {
         match self {
-            Stage::Partition | Stage::Interior | Stage::Optimize => 2,
+            Stage::Optimize => 3,
+            Stage::Partition | Stage::Interior => 2,
             _ => 1,
         }
     }

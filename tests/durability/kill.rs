@@ -82,7 +82,7 @@ fn random_edit(dice: &mut Dice, blobs: &[String], number: u64) -> Edit {
             let kinds = [v1::MesherKind::Frontal, v1::MesherKind::Delaunay, v1::MesherKind::MeshAdapt];
             Change::Mesher(v1::MesherSpec { kind: kinds[dice.below(3) as usize].into(), ..Default::default() })
         }
-        7 => Change::Optimize(v1::OptimizeSpec { rounds: Some(dice.below(4) as u32), min_kappa: None }),
+        7 => Change::Optimize(v1::OptimizeSpec { rounds: Some(dice.below(4) as u32), ..Default::default() }),
         8 => Change::Lock(v1::LockSpec { lock: Some(v1::lock_spec::Lock::Boundary(v1::BoundaryLock {})), count: 0 }),
         _ => Change::Size(v1::SizeSpec { size: Some(v1::size_spec::Size::Triangles(150 + dice.below(200))) }),
     };

@@ -42,7 +42,7 @@ fn cancelled(engine: &Engine, snapshot: &Snapshot, random: &mut Random) {
 fn optimize(random: &mut Random) -> Change {
     let rounds = *random.pick(&[0, 0, 0, 0, 0, 1, 1, 3]);
     let usual = OptimizeSpec::default();
-    Change::Optimize(OptimizeSpec { rounds, min_kappa: *random.pick(&[0.05, 0.05, 0.05, 0.05, 0.2, usual.min_kappa]) })
+    Change::Optimize(OptimizeSpec { rounds, min_kappa: *random.pick(&[0.05, 0.05, 0.05, 0.05, 0.2, usual.min_kappa]), ..usual })
 }
 
 fn mesh(random: &mut Random) -> Change {

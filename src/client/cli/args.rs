@@ -18,8 +18,8 @@ pub(crate) use patch::{PartitionArgs, PatchArgs, PatchVerb};
 #[cfg(test)]
 pub(crate) use values::PinArg;
 pub(crate) use values::{
-    BorderChoice, BoundaryCurve, HoleChoice, LockChoice, OuterLoop, PartitionStrategy, PinChoice, PlaneArg, SpacingChoice, SplitChoice,
-    names_session, session_name,
+    BorderChoice, BoundaryCurve, FitChoice, HoleChoice, LockChoice, OuterLoop, PartitionStrategy, PinChoice, PlaneArg, SpacingChoice,
+    SplitChoice, names_session, session_name,
 };
 pub(crate) use values::{ChartMethod, ColourBy, Encoding, FeatureAngle, ObjRegions, ReadFormat, SampleName, Unit, Up};
 
@@ -258,6 +258,9 @@ pub(crate) struct InputArgs {
     /// Chase triangles of lower kappa one by one afterwards [default: 0.77]
     #[arg(long, value_name = "KAPPA", value_parser = not_negative, allow_negative_numbers = true)]
     pub(crate) min_kappa: Option<f64>,
+    /// What lies on the input: the faces, to both sides of it, or the vertices [default: faces]
+    #[arg(long, value_name = "WHAT")]
+    pub(crate) fit: Option<FitChoice>,
     #[command(flatten)]
     pub(crate) mesher: MesherArgs,
 }

@@ -422,6 +422,7 @@ fn inputs(inputs: &v1::SessionInputs) -> Value {
         "all_quads": mesher.all_quads,
         "rounds": optimize.rounds,
         "min_kappa": optimize.min_kappa,
+        "fit": enum_name(optimize.fit().as_str_name(), "SURFACE_FIT_"),
     })
 }
 

@@ -8,7 +8,7 @@ pub(crate) use chart::{chart_edit, merged_chart, names_vertices};
 pub(crate) use size::{missing_size, size_choice, size_spec};
 
 use super::args::{
-    BorderChoice, ChartMethod, ChartSpecArgs, Encoding, FeatureAngle, ImportArgs, InputArgs, LimitArg, LockChoice, ObjRegions,
+    BorderChoice, ChartMethod, ChartSpecArgs, Encoding, FeatureAngle, FitChoice, ImportArgs, InputArgs, LimitArg, LockChoice, ObjRegions,
     PartitionStrategy, ReadFormat, RegionListArg, SampleName, SampleSpecArgs, Unit,
 };
 use super::failure::Outcome;
@@ -123,9 +123,15 @@ pub(crate) async fn changes(
         changes.push(Change::Mesher(spec));
     }
     let mut optimize = current.optimize.unwrap_or_default();
-    if args.rounds.is_some() || args.min_kappa.is_some() {
+    if args.rounds.is_some() || args.min_kappa.is_some() || args.fit.is_some() {
         optimize.rounds = args.rounds.or(optimize.rounds);
         optimize.min_kappa = args.min_kappa.or(optimize.min_kappa);
+        if let Some(choice) = args.fit {
+            optimize.set_fit(match choice {
+                FitChoice::Faces => v1::SurfaceFit::Faces,
+                FitChoice::Vertices => v1::SurfaceFit::Vertices,
+            });
+        }
         changes.push(Change::Optimize(optimize));
     }
     Ok(changes)

@@ -5,7 +5,7 @@ use super::activity::Activity;
 use super::input::{Input, Tree};
 use super::kernel::Kernel;
 use super::state::{Curves, State, tangential};
-use super::{OptimizeSpec, Remeshed, check, finish, untangle};
+use super::{OptimizeSpec, Remeshed, SurfaceFit, check, finish, fit, untangle};
 use crate::assemble::Assembled;
 use crate::bvh::TriangleBvh;
 use crate::error::Result;
@@ -45,7 +45,7 @@ struct Measured<'s, 'a> {
     tensors: Vec<Tensor>,
 }
 
-/// Optimises under a metric. Keeps topology, corners and all curve vertices; free vertices end on the input.
+/// Optimises under a metric. Keeps topology, corners and all curve vertices; free vertices end on the input, or where the fit asks for it beside it.
 ///
 /// # Errors
 /// Those of [`super::optimize_surface`].
@@ -85,7 +85,12 @@ pub fn optimize_in_metric(
             measured.smooth(2, work)?;
         }
         measured.flip(Goal::Shape, work)?;
-        crossing = Some(untangle::untangle(&mut state, work)? as u32);
+        let fitted = match spec.fit {
+            // No floor on shape: triangles are long here.
+            SurfaceFit::Faces => fit::fit(&mut state, 0.0, work)?,
+            SurfaceFit::Vertices => Vec::new(),
+        };
+        crossing = Some(untangle::untangle(&mut state, &fitted, work)? as u32);
     }
     work.step(stages, stages)?;
     Ok(Remeshed { crossing_faces: crossing, ..finish(input, &state) })

@@ -13,7 +13,7 @@ use crate::work::Work;
 /// A vertex of the input is on a crest or tip if a face at it has a lower cosine with its normal: 26 degrees.
 const SHARP: f64 = 0.9;
 /// Farther than this part of the input's diagonal is lost,
-const LOST: f64 = 0.003;
+const LOST: f64 = 0.0025;
 /// within these bounds in local sizes.
 const LOST_IN_SIZES: [f64; 2] = [0.12, 0.25];
 /// Shape that a capture must leave for what follows to mend.

@@ -5,7 +5,7 @@ use crate::assemble::VertexClass;
 use crate::error::Reason;
 use crate::quality::{QualityReport, QualityScope, TargetSize, measure_quality};
 use crate::topology::Topology;
-use crate::vector::{Vec3, angle_between, area_vector_twice, distance, norm};
+use crate::vector::{Vec3, angle_between, area_vector_twice, cross, distance, dot, norm};
 use crate::work::CancelToken;
 
 struct Lcg(u64);
@@ -222,10 +222,36 @@ fn boundary_stays_and_sizes_grade() {
     assert!((3.0..9.0).contains(&ratio), "{ratio}");
 }
 
+/// Volume that a closed mesh encloses.
+fn volume(mesh: &SurfaceMesh) -> f64 {
+    let six = |f: usize| {
+        let [a, b, c] = mesh.corners(f);
+        dot(a, cross(b, c))
+    };
+    (0..mesh.triangles.len()).map(six).sum::<f64>() / 6.0
+}
+
+#[test]
+fn faces_fitted_to_the_input_keep_its_volume() {
+    let mesh = torus(160, 80, 0.2);
+    let [fitted, inscribed] =
+        [SurfaceFit::Faces, SurfaceFit::Vertices].map(|fit| run(&mesh, 0.3, &OptimizeSpec { fit, ..OptimizeSpec::default() }));
+    let lack = |done: &Remeshed| (volume(&done.mesh) - volume(&mesh)).abs() / volume(&mesh);
+    assert!(lack(&inscribed.1) > 0.01, "{}", lack(&inscribed.1));
+    assert!(lack(&fitted.1) < 0.1 * lack(&inscribed.1), "{} {}", lack(&fitted.1), lack(&inscribed.1));
+    let rms = |report: &QualityReport| report.fidelity.as_ref().unwrap().hausdorff_rms_rel;
+    assert!(rms(&fitted.2) < 0.6 * rms(&inscribed.2), "{} {}", rms(&fitted.2), rms(&inscribed.2));
+    assert_eq!(fitted.1.mesh.triangles, inscribed.1.mesh.triangles);
+    let bvh = TriangleBvh::build(&mesh.positions, &mesh.triangles);
+    let away = |p: &Vec3| bvh.closest_below(*p, f64::INFINITY, 0.0).unwrap().distance_squared.sqrt();
+    assert!(inscribed.1.mesh.positions.iter().all(|p| away(p) < 1e-12));
+    assert!(fitted.1.mesh.positions.iter().all(|p| away(p) <= 0.08 * 0.3 + 1e-12));
+}
+
 #[test]
 fn no_rounds_change_nothing_and_cancelling_works() {
     let mesh = torus(20, 12, 0.2);
-    let (start, done, _) = run(&mesh, 0.4, &OptimizeSpec { rounds: 0, min_kappa: 0.5 });
+    let (start, done, _) = run(&mesh, 0.4, &OptimizeSpec { rounds: 0, min_kappa: 0.5, ..OptimizeSpec::default() });
     assert_eq!((done.mesh.positions, done.mesh.triangles), (start.positions, start.triangles));
     let token = CancelToken::new();
     token.cancel();

@@ -1,6 +1,7 @@
 //! Removes self-intersections, which appear where two sheets of the input are nearer than the elements are large: around each
 //! intersecting face the step (flip, move, collapse, split) is taken that leaves fewer intersecting pairs.
 
+use super::fit::Fitted;
 use super::input::Foot;
 use super::kernel::Kernel;
 use super::rounds::new_faces;
@@ -49,13 +50,14 @@ impl Nearby {
     }
 }
 
-/// Repairs; returns the number of faces that still intersect others (the input may intersect itself). After the first round only what
-/// repairs have changed is looked at again.
-pub(super) fn untangle(state: &mut State<'_>, work: &Work<'_>) -> Result<usize> {
+/// Repairs; returns the number of faces that still intersect others (the input may intersect itself). Where vertices were `fitted`
+/// that is undone first. After the first round only what repairs have changed is looked at again.
+pub(super) fn untangle(state: &mut State<'_>, fitted: &[Fitted], work: &Work<'_>) -> Result<usize> {
     work.check()?;
     let nearby = Nearby::new(&state.mesh);
     work.check()?;
     let mut faces = intersecting_faces(&state.mesh, &nearby, work)?;
+    faces = put_back(state, fitted, &nearby, faces, work)?;
     for _ in 0..MOST_ROUNDS {
         let since = state.activity.begin();
         let mut changed = false;
@@ -74,6 +76,31 @@ pub(super) fn untangle(state: &mut State<'_>, work: &Work<'_>) -> Result<usize> 
         faces = still_intersecting(state, &nearby, &faces, work)?;
     }
     Ok(faces.len())
+}
+
+/// Puts the fitted vertices of these faces back on the input, and of those that come to meet others by that; returns the faces that still do.
+fn put_back(state: &mut State<'_>, fitted: &[Fitted], nearby: &Nearby, mut faces: Vec<u32>, work: &Work<'_>) -> Result<Vec<u32>> {
+    let mut back = vec![false; fitted.len()];
+    loop {
+        let mut touched = Vec::new();
+        for &f in &faces {
+            for v in state.mesh.corners(f) {
+                if let Ok(i) = fitted.binary_search_by_key(&v, |moved| moved.vertex)
+                    && !std::mem::replace(&mut back[i], true)
+                {
+                    state.mesh.position[v as usize] = fitted[i].before;
+                    touched.extend(state.mesh.around(v).map(|h| h / 3));
+                }
+            }
+        }
+        if touched.is_empty() {
+            return Ok(faces);
+        }
+        faces.append(&mut touched);
+        faces.sort_unstable();
+        faces.dedup();
+        faces = still_intersecting(state, nearby, &faces, work)?;
+    }
 }
 
 /// Faces that meet another face in more than what they share, sorted.

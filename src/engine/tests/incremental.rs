@@ -5,7 +5,7 @@ use remesh_engine::features::FeatureSpec;
 use remesh_engine::fingerprint::{Contents, Fingerprint};
 use remesh_engine::import::ImportOptions;
 use remesh_engine::metric::{MetricSource, MetricSpec};
-use remesh_engine::optimize::OptimizeSpec;
+use remesh_engine::optimize::{OptimizeSpec, SurfaceFit};
 use remesh_engine::parametrize::{ChartMethod, ChartSpec};
 use remesh_engine::partition::PartitionSpec;
 use remesh_engine::pipeline::{self, Event, Progress, Run};
@@ -105,6 +105,8 @@ fn optimisation_options_run_the_optimisation_only() {
     remesh(&engine, &session, 2);
     session.apply(None, &[Change::Optimize(OptimizeSpec { rounds: 2, ..OptimizeSpec::default() })]).unwrap();
     assert_eq!(ran(&remesh(&engine, &session, 2).1), BTreeSet::from(["interior", "assembly", "optimize"]));
+    session.apply(None, &[Change::Optimize(OptimizeSpec { rounds: 2, fit: SurfaceFit::Vertices, ..OptimizeSpec::default() })]).unwrap();
+    assert_eq!(ran(&remesh(&engine, &session, 2).1), BTreeSet::from(["optimize"]));
 }
 
 #[test]

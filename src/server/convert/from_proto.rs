@@ -13,7 +13,7 @@ use remesh_engine::export::Encoding;
 use remesh_engine::features::{FeatureSpec, RegionBorders};
 use remesh_engine::import::Format;
 use remesh_engine::mesh::LengthUnit;
-use remesh_engine::optimize::OptimizeSpec;
+use remesh_engine::optimize::{OptimizeSpec, SurfaceFit};
 use remesh_engine::parametrize::ChartSpec;
 use remesh_engine::partition::{BorderSmoothing, PartitionSpec, PartitionStrategy, Plane};
 use remesh_engine::quality::QualityScope;
@@ -275,7 +275,11 @@ const MAX_ROUNDS: u32 = 100;
 /// How to optimise.
 pub(crate) fn optimize(spec: &v1::OptimizeSpec) -> Result<OptimizeSpec> {
     let default = OptimizeSpec::default();
-    let spec = OptimizeSpec { rounds: spec.rounds.unwrap_or(default.rounds), min_kappa: spec.min_kappa.unwrap_or(default.min_kappa) };
+    let fit = match known(spec.fit, "optimize.fit")? {
+        v1::SurfaceFit::Unspecified | v1::SurfaceFit::Faces => SurfaceFit::Faces,
+        v1::SurfaceFit::Vertices => SurfaceFit::Vertices,
+    };
+    let spec = OptimizeSpec { rounds: spec.rounds.unwrap_or(default.rounds), min_kappa: spec.min_kappa.unwrap_or(default.min_kappa), fit };
     if spec.rounds > MAX_ROUNDS {
         return Err(EngineError::bad_parameter("optimize.rounds", format!("{} is more than {MAX_ROUNDS}", spec.rounds)));
     }

@@ -266,7 +266,7 @@ mod tests {
     use remesh_engine::lock::LockSpec;
     use remesh_engine::mesh::{LengthUnit, Region, SurfaceMesh};
     use remesh_engine::metric::{MetricSource, MetricSpec};
-    use remesh_engine::optimize::OptimizeSpec;
+    use remesh_engine::optimize::{OptimizeSpec, SurfaceFit};
     use remesh_engine::parametrize::{ChartMethod, ChartSpec, Pin, Pins};
     use remesh_engine::partition::{BorderSmoothing, PartitionSpec, PartitionStrategy, Plane};
     use remesh_engine::planar::QuadKind;
@@ -361,7 +361,7 @@ mod tests {
             Change::Mesher(Mesher::Quads(QuadKind::All)),
             Change::Anisotropic(metric),
             Change::Mesher(Mesher::Delaunay { min_angle_deg: 21.5 }),
-            Change::Optimize(OptimizeSpec { rounds: 3, min_kappa: 0.25 }),
+            Change::Optimize(OptimizeSpec { rounds: 3, min_kappa: 0.25, fit: SurfaceFit::Vertices }),
             Change::PatchChart { patch: PATCH, spec: None },
             Change::ResetPatchEdits,
         ]

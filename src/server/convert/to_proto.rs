@@ -6,7 +6,7 @@ use remesh_engine::diagnose::{Defect, Diagnosis, Finding};
 use remesh_engine::features::{FeatureSpec, RegionBorders};
 use remesh_engine::import::{Format, ImportReport};
 use remesh_engine::mesh::{LengthUnit, Region, SurfaceMesh};
-use remesh_engine::optimize::OptimizeSpec;
+use remesh_engine::optimize::{OptimizeSpec, SurfaceFit};
 use remesh_engine::partition::{BorderSmoothing, PartitionSpec, PartitionStrategy, PatchSummary, Plane};
 use remesh_engine::quality::seams::{PartQuality, SeamSplit};
 use remesh_engine::quality::{Fidelity, QuadQuality, QualityReport, ShapeQuality, TopologyNumbers};
@@ -330,7 +330,11 @@ pub(super) fn cut_plane(plane: Plane) -> v1::CutPlane {
 }
 
 pub(super) fn optimize(spec: &OptimizeSpec) -> v1::OptimizeSpec {
-    v1::OptimizeSpec { rounds: Some(spec.rounds), min_kappa: Some(spec.min_kappa) }
+    let fit = match spec.fit {
+        SurfaceFit::Faces => v1::SurfaceFit::Faces,
+        SurfaceFit::Vertices => v1::SurfaceFit::Vertices,
+    };
+    v1::OptimizeSpec { rounds: Some(spec.rounds), min_kappa: Some(spec.min_kappa), fit: fit.into() }
 }
 
 /// Which patches' meshes a result holds: triangles and vertices (those on borders count for each patch). O(F).

@@ -56,7 +56,7 @@ fn chart_takes_a_verb_or_a_surface() {
 #[test]
 fn run_takes_all_its_options() {
     let line = "remesh run in.stl -o out.msh --min-size 0.1 --max-size 2 --growth-rate 1.2 --feature-angle none --unit mm \
-                    --only-region inlet --only-region 7 --patches 12 --chart mean-value --rounds 0 --quality --before-after a.png \
+                    --only-region inlet --only-region 7 --patches 12 --chart mean-value --rounds 0 --fit vertices --quality --before-after a.png \
                     --encoding msh22 --threads 2 --json";
     let cli = parse(&line.split_whitespace().collect::<Vec<_>>().join(" ")).expect("valid");
     assert!(cli.global.json && cli.global.threads == Some(2));

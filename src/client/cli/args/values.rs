@@ -76,6 +76,15 @@ pub(crate) enum PartitionStrategy {
     Plane,
 }
 
+/// What lies on the input.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum FitChoice {
+    /// Faces lie to both sides: volumes are kept, distances least
+    Faces,
+    /// Vertices lie on it, faces below its bulges
+    Vertices,
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum BorderChoice {
     /// Faces change patches where that straightens a border

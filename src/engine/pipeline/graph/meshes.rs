@@ -108,7 +108,7 @@ fn lift_step(
     }
     let spec = &snapshot.optimize;
     let key = StageKey::new(Stage::Interior, |f| {
-        f.fingerprint(*fingerprint).fingerprint(lifted.output).f64s(&local_size).text(&format!("{spec:?}"));
+        f.fingerprint(*fingerprint).fingerprint(lifted.output).f64s(&local_size).u64(u64::from(spec.rounds)).f64s(&[spec.min_kappa]);
     });
     context.stage(key, subject, |work| optimize_patch(patch, &lifted, &local_size, spec, work))
 }
