@@ -4,6 +4,7 @@ use remesh_engine::engine::{Engine, EngineConfig};
 use remesh_engine::fingerprint::{Contents, Fingerprint};
 use remesh_engine::import::ImportOptions;
 use remesh_engine::mesh::SurfaceMesh;
+use remesh_engine::optimize::{OptimizeSpec, Remeshed, SurfaceFit};
 use remesh_engine::partition::PartitionSpec;
 use remesh_engine::pipeline::{self, Answer, Remesh, Run};
 use remesh_engine::sample::{SampleKind, SampleSpec};
@@ -188,14 +189,22 @@ fn deviation_bounds_the_chordal_error() {
         let field = SizeFieldSpec::Curvature(CurvatureSize { normal_angle_deg: None, deviation: Some(deviation), smoothing: 2 });
         let spec = ComposedSize { base: SizeBase::Uniform(10.0), fields: vec![field], ..ComposedSize::default() };
         let engine = engine();
-        let result = remesh(&engine, &open(&engine, &[mesh.clone(), size(spec)]), 2).value.result;
-        let sag = |t: &[u32; 3]| {
-            let [a, b, c] = t.map(|v| result.mesh.positions[v as usize]);
+        let session = open(&engine, &[mesh.clone(), size(spec)]);
+        let fitted = remesh(&engine, &session, 2).value.result;
+        let off = fitted.mesh.positions.iter().map(|p| (norm(*p) - 1.0).abs()).fold(0.0, f64::max);
+        assert!(off <= deviation, "{off} over {deviation}");
+        // The field answers for a mesh whose vertices lie on the surface.
+        session.apply(None, &[Change::Optimize(OptimizeSpec { fit: SurfaceFit::Vertices, ..OptimizeSpec::default() })]).unwrap();
+        let result = remesh(&engine, &session, 2).value.result;
+        let sag = |t: &[u32; 3], of: &Remeshed| {
+            let [a, b, c] = t.map(|v| of.mesh.positions[v as usize]);
             let middle = scale(add(add(a, b), c), 1.0 / 3.0);
             let sides = [(a, b), (b, c), (c, a)].map(|(p, q)| norm(scale(add(p, q), 0.5)));
             1.0 - sides.into_iter().fold(norm(middle), f64::min)
         };
-        let worst = result.mesh.triangles.iter().map(sag).fold(0.0, f64::max);
+        let cut = fitted.mesh.triangles.iter().map(|t| sag(t, &fitted)).fold(0.0, f64::max);
+        assert!(cut <= 0.7 * deviation, "{cut}: fitted faces cut less deep than {deviation}");
+        let worst = result.mesh.triangles.iter().map(|t| sag(t, &result)).fold(0.0, f64::max);
         let longest =
             result.mesh.triangles.iter().map(|t| distance(result.mesh.positions[t[0] as usize], result.mesh.positions[t[1] as usize]));
         let longest = longest.fold(0.0, f64::max);
