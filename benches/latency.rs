@@ -1,26 +1,30 @@
 //! How fast the daemon lets go and lets pass, over TCP to a process of its own:
 //!
 //! - `cancel`: from a dropped call, a deadline, a cancelled operation or a deleted session to the end of the compute, at random moments;
+//! - `methods`: the same by cancelled operations for the other strategies of partition and meshers, at random moments each;
 //! - `priority`: a re-pin and one patch, idle and under a batch load that never ends;
-//! - `overhead`: the same remesh and re-pin by the daemon and by the engine called directly.
+//! - `overhead`: the same remesh and re-pin by the daemon and by the engine called directly, each in a process of its own.
 //!
 //! ```sh
 //! REMESH_LATENCY="cancel priority overhead" REMESH_MOMENTS=200 REMESH_MESH=bunny.obj cargo bench --bench latency
 //! ```
 //! Without `REMESH_MESH` the surface is generated, with 70000 triangles; without `REMESH_MOMENTS` there are 4 moments.
 
+#[path = "../tests/common/daemon.rs"]
+mod daemon;
+
+use daemon::Daemon;
 use remesh_client::{ChartEdit, Client, EditingSession, RetryPolicy, Source, v1};
 use remesh_engine::engine::{Engine, EngineConfig};
 use remesh_engine::import::ImportOptions;
-use remesh_engine::parametrize::{ChartMethod, ChartSpec, Pin, Pins};
+use remesh_engine::parametrize::{ChartMethod, ChartSpec, Pin, Pins, face_distortion};
 use remesh_engine::pipeline::{self, Run};
 use remesh_engine::quality::QualityScope;
 use remesh_engine::sample::{SampleKind, SampleSpec};
 use remesh_engine::session::{Blob, Change as EngineChange, MeshSource};
 use remesh_engine::sizing::SizeSpec;
 use remesh_engine::work::CancelToken;
-use std::io::{BufRead, BufReader};
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 use tonic::Request;
@@ -28,37 +32,15 @@ use v1::change::Change;
 use v1::start_operation_request::Work;
 
 const TRIANGLES: u64 = 70_000;
+/// Previews in each turn of `overhead`.
+const PREVIEWS: usize = 100;
 
 fn variable(name: &str) -> Option<String> {
     std::env::var(name).ok().filter(|value| !value.is_empty())
 }
 
-struct Daemon {
-    child: Child,
-    address: String,
-}
-
-impl Daemon {
-    fn start(arguments: &[&str]) -> Daemon {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_remeshd"));
-        command.args(["--listen", "127.0.0.1:0"]).args(arguments);
-        let mut child = command.stderr(Stdio::piped()).spawn().expect("remeshd starts");
-        let mut lines = BufReader::new(child.stderr.take().expect("piped")).lines();
-        let address = lines.by_ref().find_map(|line| Some(line.ok()?.split_once("address=")?.1.split_whitespace().next()?.to_owned()));
-        std::thread::spawn(move || lines.for_each(drop));
-        Daemon { child, address: address.expect("an address") }
-    }
-
-    async fn client(&self) -> Client {
-        Client::connect(&self.address).await.expect("connects").with_retry(RetryPolicy::NEVER)
-    }
-}
-
-impl Drop for Daemon {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
+async fn client_of(daemon: &Daemon) -> Client {
+    Client::connect(&daemon.address).await.expect("connects").with_retry(RetryPolicy::NEVER)
 }
 
 fn size(triangles: u64) -> Change {
@@ -144,7 +126,7 @@ async fn stop(client: &Client, session: EditingSession, way: usize, wait: Durati
 async fn cancel(moments: u64) {
     // Without a cache every run computes everything.
     let daemon = Daemon::start(&["--cache-mb", "0"]);
-    let client = daemon.client().await;
+    let client = client_of(&daemon).await;
     let whole = session(&client, TRIANGLES).await;
     let begin = Instant::now();
     let result = client.remesh(whole.name(), &[], |_| {}).await.expect("remesh");
@@ -167,6 +149,49 @@ async fn cancel(moments: u64) {
     }
     let mut all = times.concat();
     println!("cancel: all: {}", told(&mut all));
+}
+
+/// The strategies of partition and the meshers that a plain remesh does not run.
+fn methods() -> Vec<(&'static str, Change)> {
+    use v1::MesherKind;
+    let partition =
+        |strategy: v1::PartitionStrategy| Change::Partition(v1::PartitionSpec { strategy: strategy.into(), ..Default::default() });
+    let mesher = |kind: MesherKind| Change::Mesher(v1::MesherSpec { kind: kind.into(), ..Default::default() });
+    vec![
+        ("laplace", partition(v1::PartitionStrategy::Laplace)),
+        ("pants", partition(v1::PartitionStrategy::Pants)),
+        ("plane", partition(v1::PartitionStrategy::Plane)),
+        ("handles", partition(v1::PartitionStrategy::Handles)),
+        ("quads", mesher(MesherKind::Quads)),
+        ("anisotropic", mesher(MesherKind::Anisotropic)),
+        ("delaunay", mesher(MesherKind::Delaunay)),
+        ("mesh adapt", mesher(MesherKind::MeshAdapt)),
+    ]
+}
+
+async fn cancel_methods(moments: u64) {
+    let daemon = Daemon::start(&["--cache-mb", "0"]);
+    let client = client_of(&daemon).await;
+    let mut state = 7u64;
+    for (name, change) in methods() {
+        let mut whole = session(&client, TRIANGLES).await;
+        whole.apply(change.clone()).await.expect(name);
+        let begin = Instant::now();
+        let ended = client.remesh(whole.name(), &[], |_| {}).await.map(|_| ()).map_err(|error| error.to_string());
+        let (duration, mut times) = (milliseconds(begin), Vec::new());
+        for _ in 0..moments {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            let wait = Duration::from_secs_f64(duration * 1e-3 * (state >> 11) as f64 / (1u64 << 53) as f64);
+            let operation = client.start(whole.name(), Work::Remesh(v1::RemeshWork::default())).await.expect("starts");
+            tokio::time::sleep(wait).await;
+            let told = Instant::now();
+            client.cancel(&operation.name).await.expect("cancels");
+            times.push((until_idle(&client, told).await, wait));
+        }
+        let latest = times.iter().max_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |(_, wait)| wait.as_secs_f64() * 1e3);
+        let mut times: Vec<f64> = times.into_iter().map(|(time, _)| time).collect();
+        println!("methods: {name}: {} (the largest {latest:.0} ms after the begin of {duration:.0} ms: {ended:?})", told(&mut times));
+    }
 }
 
 /// Two vertices of a patch to pin, other ones for each `round`.
@@ -200,7 +225,7 @@ async fn interactive(client: &Client, session: &mut EditingSession, vertices: &[
 
 async fn priority(moments: u64) {
     let daemon = Daemon::start(&[]);
-    let client = daemon.client().await;
+    let client = client_of(&daemon).await;
     let mut own = session(&client, TRIANGLES).await;
     client.remesh(own.name(), &[], |_| {}).await.expect("remesh");
     let vertices = client.read_chart(own.name(), 0).await.expect("chart").source_vertex;
@@ -231,8 +256,9 @@ async fn priority(moments: u64) {
     }
 }
 
-/// The engine called directly: milliseconds of a cold remesh and of previews, and the imported vertices of patch 0.
-fn direct(rounds: usize) -> (f64, Vec<f64>, Vec<u32>) {
+/// The engine called directly, in a process of its own as the daemon is: prints the milliseconds of a cold remesh, those of previews with the
+/// distortion of each face (which a preview with all columns has too), and imported vertices of patch 0.
+fn direct(rounds: usize) {
     let engine = Engine::new(EngineConfig::default());
     let session = engine.create_session(None, SystemTime::now()).expect("session");
     let source = match variable("REMESH_MESH") {
@@ -261,31 +287,66 @@ fn direct(rounds: usize) -> (f64, Vec<f64>, Vec<u32>) {
         let pins = Pins::Given(vec![pin(2 * round + 1), pin(2 * round + 2)]);
         let spec = ChartSpec { method: Some(ChartMethod::LeastSquaresConformal), pins, ..ChartSpec::default() };
         let begin = Instant::now();
-        pipeline::preview_chart(&engine, &snapshot, 0, &spec, &run).expect("preview");
+        let (layout, preview) = pipeline::preview_chart(&engine, &snapshot, 0, &spec, &run).expect("preview").value;
+        let faces = face_distortion(&layout.patches.patches[0].0, &preview.uv);
         previews.push(milliseconds(begin));
+        assert!(!faces.is_empty());
     }
-    (remesh, previews, vertices)
+    let line = |numbers: Vec<String>| println!("{}", numbers.join(" "));
+    line(vec![remesh.to_string()]);
+    line(previews.iter().map(f64::to_string).collect());
+    line(vertices.iter().map(u32::to_string).collect());
+}
+
+/// What [`direct`] prints in another process.
+fn in_another_process() -> (f64, Vec<f64>, Vec<u32>) {
+    let program = std::env::current_exe().expect("a program");
+    let output = Command::new(program).env("REMESH_LATENCY", "direct").output().expect("runs");
+    let text = String::from_utf8(output.stdout).expect("UTF-8");
+    let mut lines = text.lines().map(|line| line.split_whitespace());
+    let mut numbers = || lines.next().expect("a line").map(|number| number.parse::<f64>().expect("a number")).collect::<Vec<f64>>();
+    let (remesh, previews, vertices) = (numbers()[0], numbers(), numbers());
+    (remesh, previews, vertices.into_iter().map(|vertex| vertex as u32).collect())
+}
+
+/// A preview of which only the header and one small column come.
+async fn header_only(client: &Client, session: &str, edit: ChartEdit) {
+    let request = v1::PreviewPatchChartRequest {
+        session: session.to_owned(),
+        patch: 0,
+        spec: Some(edit.spec),
+        update_mask: Some(prost_types::FieldMask { paths: edit.paths }),
+        columns: vec![v1::DataColumn::SourceVertex.into()],
+        ..Default::default()
+    };
+    let mut stream = client.charts().preview_patch_chart(request).await.expect("preview").into_inner();
+    while stream.message().await.expect("a message").is_some() {}
 }
 
 async fn overhead(rounds: usize) {
     let (mut by_engine, mut by_daemon): ([Vec<f64>; 2], [Vec<f64>; 2]) = Default::default();
+    let (mut inside, mut until_header) = (Vec::new(), Vec::new());
     // In turns, so that what else the machine does meets both.
-    for _ in 0..rounds.div_ceil(20).clamp(1, 7) {
-        let (remesh, previews, vertices) = tokio::task::spawn_blocking(|| direct(20)).await.expect("no panic");
+    for _ in 0..rounds.div_ceil(20).clamp(1, 20) {
+        let (remesh, previews, vertices) = tokio::task::spawn_blocking(in_another_process).await.expect("no panic");
         by_engine[0].push(remesh);
         by_engine[1].extend(previews);
         let daemon = Daemon::start(&[]);
-        let client = daemon.client().await;
+        let client = client_of(&daemon).await;
         let session = session(&client, TRIANGLES).await;
         let begin = Instant::now();
         client.remesh(session.name(), &[], |_| {}).await.expect("remesh");
         by_daemon[0].push(milliseconds(begin));
         client.read_chart(session.name(), 0).await.expect("chart");
-        for round in 0..20 {
+        for round in 0..PREVIEWS {
             let edit = pins(&vertices, round);
             let begin = Instant::now();
-            client.preview_chart(session.name(), 0, edit).await.expect("preview");
+            let shown = client.preview_chart(session.name(), 0, edit).await.expect("preview");
             by_daemon[1].push(milliseconds(begin));
+            inside.push(shown.chart.run.milliseconds);
+            let (edit, begin) = (pins(&vertices, PREVIEWS + round), Instant::now());
+            header_only(&client, session.name(), edit).await;
+            until_header.push(milliseconds(begin));
         }
     }
     for (k, what) in ["remesh", "re-pin (preview, with all columns of the chart)"].iter().enumerate() {
@@ -293,15 +354,23 @@ async fn overhead(rounds: usize) {
         let share = 100.0 * (daemon / engine - 1.0);
         println!("overhead: {what}: engine {engine:.1} ms, daemon {daemon:.1} ms, {:+.1} ms, {share:+.1} %", daemon - engine);
     }
+    let [inside, small] = [&mut inside, &mut until_header].map(|times| median(times));
+    println!("overhead: a preview with all columns computes {inside:.1} ms in the daemon; with one small column it takes {small:.1} ms");
 }
 
 fn main() {
     let wanted = variable("REMESH_LATENCY").unwrap_or_default();
     let moments = variable("REMESH_MOMENTS").and_then(|v| v.parse().ok()).unwrap_or(4);
+    if wanted == "direct" {
+        return direct(PREVIEWS);
+    }
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().expect("threads");
     runtime.block_on(async {
         if wanted.is_empty() || wanted.contains("cancel") {
             cancel(moments).await;
+        }
+        if wanted.is_empty() || wanted.contains("methods") {
+            cancel_methods(moments).await;
         }
         if wanted.is_empty() || wanted.contains("priority") {
             priority(moments).await;

@@ -6,10 +6,12 @@
 //! REMESH_SOAK_MINUTES=30 cargo bench --bench soak
 //! ```
 
+#[path = "../tests/common/daemon.rs"]
+mod daemon;
+
+use daemon::Daemon;
 use remesh_client::{ChartEdit, Client, ClientError, EditingSession, RetryPolicy, Source, v1};
 use std::collections::BTreeMap;
-use std::io::{BufRead, BufReader};
-use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -50,53 +52,19 @@ impl Random {
     }
 }
 
-struct Daemon {
-    child: Child,
-    address: String,
+fn start() -> Daemon {
+    let cache = CACHE_MB.to_string();
+    Daemon::start(&["--cache-mb", &cache, "--max-sessions", "48", "--max-uploads-mb", "64", "--max-jobs-per-client", "64"])
 }
 
-impl Daemon {
-    fn start() -> Daemon {
-        let cache = CACHE_MB.to_string();
-        let mut command = Command::new(env!("CARGO_BIN_EXE_remeshd"));
-        let arguments = [
-            "--listen",
-            "127.0.0.1:0",
-            "--cache-mb",
-            &cache,
-            "--max-sessions",
-            "48",
-            "--max-uploads-mb",
-            "64",
-            "--max-jobs-per-client",
-            "64",
-        ];
-        let mut child = command.args(arguments).stderr(Stdio::piped()).spawn().expect("remeshd starts");
-        let mut lines = BufReader::new(child.stderr.take().expect("piped")).lines();
-        let address = lines.by_ref().find_map(|line| Some(line.ok()?.split_once("address=")?.1.split_whitespace().next()?.to_owned()));
-        std::thread::spawn(move || {
-            // Anything that a daemon should not say is shown.
-            lines.map_while(Result::ok).filter(|line| line.contains("ERROR") || line.contains("panic")).for_each(|line| println!("{line}"));
-        });
-        Daemon { child, address: address.expect("an address") }
-    }
-
-    /// Resident and peak resident megabytes.
-    fn memory(&self) -> [u64; 2] {
-        let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap_or_default();
-        let of = |key: &str| {
-            let line = status.lines().find(|line| line.starts_with(key));
-            line.and_then(|line| line.split_whitespace().nth(1)?.parse::<u64>().ok()).unwrap_or(0) / 1024
-        };
-        [of("VmRSS:"), of("VmHWM:")]
-    }
-}
-
-impl Drop for Daemon {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
+/// Resident and peak resident megabytes.
+fn memory(daemon: &Daemon) -> [u64; 2] {
+    let status = std::fs::read_to_string(format!("/proc/{}/status", daemon.child.id())).unwrap_or_default();
+    let of = |key: &str| {
+        let line = status.lines().find(|line| line.starts_with(key));
+        line.and_then(|line| line.split_whitespace().nth(1)?.parse::<u64>().ok()).unwrap_or(0) / 1024
+    };
+    [of("VmRSS:"), of("VmHWM:")]
 }
 
 #[derive(Default)]
@@ -105,8 +73,10 @@ struct Tally {
     operations: BTreeMap<&'static str, u64>,
     /// Ends by reason.
     ends: BTreeMap<String, u64>,
-    /// Milliseconds of re-pins.
-    repins: Vec<f64>,
+    /// Milliseconds of re-pins, and what of it was computing.
+    repins: Vec<[f64; 2]>,
+    /// The same of first looks at a surface, at patches that were changed, and of what had left the cache: more than one patch had to be mapped.
+    first_looks: Vec<[f64; 2]>,
     unexpected: Vec<String>,
 }
 
@@ -198,10 +168,16 @@ async fn play(number: u64, address: String, common: String, stop: Arc<AtomicBool
                 };
                 let begin = Instant::now();
                 let shown = note(&tally, "re-pin", client.preview_chart(&name, 0, edit).await);
-                // The first look at a surface partitions it, which is no re-pin.
-                let ran = |s: &v1::StageRecord| s.stage == "partition" && s.outcome() == v1::StageOutcome::Run;
-                if shown.is_some_and(|shown| !shown.chart.run.stages.iter().any(ran)) {
-                    tally.lock().expect("no panic").repins.push(begin.elapsed().as_secs_f64() * 1e3);
+                if let Some(shown) = shown {
+                    let times = [begin.elapsed().as_secs_f64() * 1e3, shown.chart.run.milliseconds];
+                    // A re-pin maps one patch, for which nothing else has to run.
+                    let of_patch = ["system", "factor", "boundary", "solve", "chart"];
+                    let other = |s: &v1::StageRecord| {
+                        s.outcome() == v1::StageOutcome::Run && (!of_patch.contains(&s.stage.as_str()) || s.subject != "patch 0")
+                    };
+                    let mut tally = tally.lock().expect("no panic");
+                    let is_first = shown.chart.run.stages.iter().any(other);
+                    if is_first { tally.first_looks.push(times) } else { tally.repins.push(times) }
                 }
             }
             8 => drop(note(&tally, "undo", session.undo().await)),
@@ -258,7 +234,7 @@ fn quantile(sorted: &[f64], share: f64) -> f64 {
 }
 
 async fn soak(minutes: f64) -> bool {
-    let daemon = Daemon::start();
+    let daemon = start();
     let (tally, stop) = (Shared::default(), Arc::new(AtomicBool::new(false)));
     let host = connect(&daemon.address).await;
     let mut common = Vec::new();
@@ -275,21 +251,26 @@ async fn soak(minutes: f64) -> bool {
     let end = Instant::now() + Duration::from_secs_f64(60.0 * minutes);
     while Instant::now() < end {
         tokio::time::sleep(Duration::from_secs(1)).await;
-        let [now, _] = daemon.memory();
+        let [now, _] = memory(&daemon);
         assert!(now <= CACHE_MB + WORKING_SET_MB, "{now} MB resident; {} are allowed", CACHE_MB + WORKING_SET_MB);
     }
     stop.store(true, Ordering::Relaxed);
     for player in players {
         player.await.expect("no panic");
     }
-    let [last, peak] = daemon.memory();
-    let mut tally = tally.lock().expect("no panic");
-    tally.repins.sort_by(f64::total_cmp);
+    let [last, peak] = memory(&daemon);
+    let tally = tally.lock().expect("no panic");
     println!("{} operations in {minutes} minutes by {CLIENTS} clients: {:?}", tally.operations.values().sum::<u64>(), tally.operations);
     println!("ends: {:?}", tally.ends);
     println!("resident memory: peak {peak} MB, at the end {last} MB; allowed {} + {} MB", CACHE_MB, WORKING_SET_MB);
-    let (half, most) = (quantile(&tally.repins, 0.5), quantile(&tally.repins, 0.99));
-    println!("re-pin (preview of a chart, under this load): p50 {half:.1} ms, p99 {most:.1} ms, {} times", tally.repins.len());
+    for (what, times) in [("re-pin", &tally.repins), ("first look", &tally.first_looks)] {
+        let sorted = |part: usize| {
+            let mut times: Vec<f64> = times.iter().map(|t| t[part]).collect();
+            times.sort_by(f64::total_cmp);
+            format!("p50 {:.1} ms, p99 {:.1} ms, max {:.1} ms", quantile(&times, 0.5), quantile(&times, 0.99), quantile(&times, 1.0))
+        };
+        println!("{what} (preview of a chart, under this load): {}; inside the engine: {}; {} times", sorted(0), sorted(1), times.len());
+    }
     tally.unexpected.iter().take(20).for_each(|what| println!("UNEXPECTED {what}"));
     tally.unexpected.is_empty()
 }

@@ -1,11 +1,13 @@
 //! Throughput of a real daemon over loopback: a surface of 1.5 million triangles in and out, and its memory meanwhile.
 //! `cargo bench --bench transfer` (with `-- FOLDER` for a data folder there; without, one run in memory and one in a temporary folder).
 
+#[path = "../tests/common/daemon.rs"]
+mod daemon;
+
 use bytes::Bytes;
+use daemon::Daemon;
 use remesh_client::{Client, Source, v1};
-use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
 use std::time::Instant;
 
 /// Squares along each side: two triangles each.
@@ -30,15 +32,6 @@ fn sheet() -> Bytes {
     file.into()
 }
 
-fn start(settings: &[&str]) -> (Child, String) {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_remeshd"));
-    let mut child = command.args(["--listen", "127.0.0.1:0"]).args(settings).stderr(Stdio::piped()).spawn().expect("starts");
-    let mut lines = BufReader::new(child.stderr.take().expect("piped")).lines().map_while(Result::ok);
-    let address = lines.find_map(|line| Some(line.split_once("address=")?.1.split_whitespace().next()?.to_owned())).expect("address");
-    std::thread::spawn(move || lines.for_each(drop));
-    (child, address)
-}
-
 /// User and system CPU seconds, and the peak of the resident memory in MB, of a process.
 fn used(pid: u32) -> (f64, f64) {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
@@ -57,9 +50,9 @@ fn tell(what: &str, bytes: usize, begin: Instant, pid: u32, before: f64) {
 }
 
 async fn measure(settings: &[&str]) {
-    let (mut child, address) = start(settings);
-    let pid = child.id();
-    let client = Client::connect(&address).await.expect("connects");
+    let daemon = Daemon::start(settings);
+    let pid = daemon.child.id();
+    let client = Client::connect(&daemon.address).await.expect("connects");
     let file = sheet();
     for run in 0..RUNS {
         // Another file each time, or nothing would be sent.
@@ -111,8 +104,6 @@ async fn measure(settings: &[&str]) {
     }
     tell("snapshot", bytes, begin, pid, before);
     edits(&client).await;
-    let _ = child.kill();
-    let _ = child.wait();
 }
 
 /// Latency of small edits, one after the other and of several sessions at once.

@@ -1,9 +1,12 @@
 //! The program `remesh` as a user runs it: samples, diagnoses, a whole run, pictures, exit codes; and the verbs on a session against
 //! a daemon on a free port.
 
-use std::io::{BufRead, BufReader};
+#[path = "common/daemon.rs"]
+mod daemon;
+
+use daemon::Daemon;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output};
 
 /// A directory of one test; removed when it ends well.
 struct Scratch(PathBuf);
@@ -223,42 +226,11 @@ fn pictures_are_drawn_without_a_display() {
     assert_eq!(scratch.remesh(&["render", "part.off", "-o", "f.png", "--chart", "9999"]).code, Some(1), "no such patch");
 }
 
-/// A daemon on a free port; killed when dropped.
-struct Daemon {
-    process: Child,
-    endpoint: String,
-}
-
-impl Daemon {
-    fn start() -> Self {
-        let mut process = Command::new(env!("CARGO_BIN_EXE_remeshd"))
-            .args(["--listen", "127.0.0.1:0", "--threads", "1"])
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("the daemon starts");
-        let mut log = BufReader::new(process.stderr.take().expect("piped")).lines();
-        let told = log.by_ref().map_while(Result::ok).find_map(|line| {
-            let rest = &line[line.find("address=")? + "address=".len()..];
-            Some(rest.split_whitespace().next().unwrap_or_default().to_owned())
-        });
-        // Whoever logs must not be blocked by a full pipe.
-        std::thread::spawn(move || log.for_each(drop));
-        Daemon { process, endpoint: format!("http://{}", told.expect("the log tells the address")) }
-    }
-}
-
-impl Drop for Daemon {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-    }
-}
-
 #[test]
 fn a_session_of_a_daemon_step_by_step() {
     let scratch = Scratch::new("steps");
-    let daemon = Daemon::start();
-    let at = |arguments: &[&str]| scratch.remesh(&[arguments, &["--endpoint", &daemon.endpoint]].concat());
+    let daemon = Daemon::start(&["--threads", "1"]);
+    let at = |arguments: &[&str]| scratch.remesh(&[arguments, &["--endpoint", &daemon.address]].concat());
     let has = |arguments: &[&str], expected: &str| {
         let answer = at(arguments).ok();
         assert!(answer.out.contains(expected), "{expected}: {answer:?}");
@@ -328,12 +300,36 @@ fn a_session_of_a_daemon_step_by_step() {
     has(&["watch", session, "--after-revision", "0", "--no-stages", "--count", "2"], "revision 1: mesh");
     has(&["watch", session, "--after-revision", "0", "--count", "1", "--json"], r#""event":"#);
 
+    operations(&at, &has, session);
     has(&["session", "list"], session);
     has(&["session", "set-ttl", session, "1h"], "3600 s");
     has(&["status"], "sessions  1 of");
+    has(&["status"], "none; all is in memory");
+    has(&["status", "--json"], "\"store\":null");
     has(&["session", "delete", session], "is deleted");
     assert_eq!(at(&["plan", session]).code, Some(1), "gone");
     has(&["status"], "sessions  0 of");
+}
+
+/// The verbs of `operations`.
+fn operations(at: &dyn Fn(&[&str]) -> Answer, has: &dyn Fn(&[&str], &str), session: &str) {
+    let started = at(&["operations", "start", session, "--quality"]).ok().out;
+    let name = started.trim();
+    assert!(name.starts_with(session) && name.contains("/operations/"), "{started}");
+    has(&["operations", "wait", name], "succeeded");
+    has(&["operations", "result", name], "kappa");
+    has(&["operations", "result", name, "--json"], "\"seams\":");
+    has(&["operations", "show", name, "--json"], "\"state\":\"succeeded\"");
+    let again = at(&["operations", "start", session]).ok().out;
+    has(&["operations", "list", session], again.trim());
+    at(&["operations", "cancel", again.trim()]).ok();
+    // Either it had ended, or it is stopped: both are ends.
+    let waited = at(&["operations", "wait", again.trim()]);
+    assert!(
+        waited.out.contains("succeeded") && waited.code == Some(0) || waited.out.contains("cancelled") && waited.code == Some(1),
+        "{waited:?}"
+    );
+    assert_eq!(at(&["operations", "show", &format!("{session}/operations/99")]).code, Some(1));
 }
 
 /// The verbs of `chart` on one patch; the session is as it was afterwards, but for its revision.

@@ -1,8 +1,11 @@
 //! Settings of `remeshd` from all four places, `check-config` and `health`, as a process.
 
-use std::io::{BufRead, BufReader};
+#[path = "common/daemon.rs"]
+mod daemon;
+
+use daemon::Daemon;
 use std::path::PathBuf;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output};
 
 /// A file of one test; removed when it ends.
 struct File(PathBuf);
@@ -78,30 +81,17 @@ fn wrong_keys_and_values_are_named_and_end_the_daemon() {
     assert!(variable.status.code() == Some(2) && text(&variable.stderr).contains("--max-faces"), "{variable:?}");
 }
 
-/// A daemon; killed when dropped.
-struct Daemon(Child);
-
-impl Drop for Daemon {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
 #[test]
 fn health_is_asked_through_the_binary() {
     let mut command = Command::new(env!("CARGO_BIN_EXE_remeshd"));
-    let mut child = command.env("REMESHD_LISTEN", "127.0.0.1:0").stderr(Stdio::piped()).spawn().expect("starts");
-    let mut lines = BufReader::new(child.stderr.take().expect("piped")).lines().map_while(Result::ok);
-    let address = lines.find_map(|line| Some(line.split_once("address=")?.1.split_whitespace().next()?.to_owned())).expect("address");
-    let mut daemon = Daemon(child);
-    std::thread::spawn(move || lines.for_each(drop));
+    command.env("REMESHD_LISTEN", "127.0.0.1:0");
+    let mut daemon = Daemon::spawn(command);
+    let address = daemon.address.clone();
     for probe in ["liveness", "readiness"] {
         let output = remeshd(&["health", "--probe", probe], &[("REMESHD_LISTEN", &address)]);
         assert!(output.status.success() && text(&output.stdout).contains("is well"), "{output:?}");
     }
-    daemon.0.kill().expect("killed");
-    daemon.0.wait().expect("ended");
+    daemon.signal("-KILL");
     let output = remeshd(&["health", "--timeout", "1"], &[("REMESHD_LISTEN", &address)]);
     assert!(output.status.code() == Some(1) && text(&output.stderr).contains("nobody answers"), "{output:?}");
 }

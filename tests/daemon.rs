@@ -1,65 +1,29 @@
 //! The real `remeshd` as a process: start, messages for wrong settings, signals, and the real `grpcurl` where it is installed.
 
+#[path = "common/daemon.rs"]
+mod daemon;
+
+use daemon::Daemon;
 use remesh_client::{Client, v1};
-use std::io::{BufRead, BufReader};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::watch;
 use v1::watch_session_response::Event;
 
-/// A running daemon on a free port; killed when dropped.
-struct Daemon {
-    child: Child,
-    address: String,
+fn grpcurl(daemon: &Daemon, arguments: &[&str], data: &str) -> Output {
+    let mut command = Command::new("grpcurl");
+    command.arg("-plaintext");
+    if !data.is_empty() {
+        command.args(["-d", data]);
+    }
+    let (last, first) = arguments.split_last().expect("arguments");
+    command.args(first).arg(&daemon.address).arg(last).output().expect("grpcurl runs")
 }
 
-impl Daemon {
-    fn start() -> Daemon {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_remeshd"));
-        let mut child = command.args(["--listen", "127.0.0.1:0"]).stderr(Stdio::piped()).spawn().expect("starts");
-        let mut lines = BufReader::new(child.stderr.take().expect("piped")).lines();
-        let address = lines.by_ref().find_map(|line| {
-            let line = line.expect("text");
-            let (_, rest) = line.split_once("address=")?;
-            Some(rest.split_whitespace().next().unwrap_or_default().to_owned())
-        });
-        // Somebody must go on reading, or the daemon stops at a full pipe.
-        std::thread::spawn(move || lines.for_each(drop));
-        Daemon { child, address: address.expect("the daemon tells its address") }
-    }
-
-    fn signal(&mut self, name: &str) -> std::process::ExitStatus {
-        let killed = Command::new("kill").args([name, &self.child.id().to_string()]).status().expect("kill runs");
-        assert!(killed.success());
-        self.child.wait().expect("ends")
-    }
-
-    fn grpcurl(&self, arguments: &[&str], data: &str) -> Output {
-        let mut command = Command::new("grpcurl");
-        command.arg("-plaintext");
-        if !data.is_empty() {
-            command.args(["-d", data]);
-        }
-        command
-            .args(&arguments[..arguments.len() - 1])
-            .arg(&self.address)
-            .arg(arguments[arguments.len() - 1])
-            .output()
-            .expect("grpcurl runs")
-    }
-
-    fn call(&self, method: &str, data: &str) -> String {
-        let output = self.grpcurl(&[method], data);
-        assert!(output.status.success(), "{method}: {}", String::from_utf8_lossy(&output.stderr));
-        String::from_utf8(output.stdout).expect("UTF-8")
-    }
-}
-
-impl Drop for Daemon {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
+fn call(daemon: &Daemon, method: &str, data: &str) -> String {
+    let output = grpcurl(daemon, &[method], data);
+    assert!(output.status.success(), "{method}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).expect("UTF-8")
 }
 
 fn run(arguments: &[&str]) -> (Option<i32>, String) {
@@ -90,7 +54,7 @@ fn a_port_in_use_is_told() {
 #[test]
 fn both_signals_end_it_well() {
     for signal in ["-TERM", "-INT"] {
-        assert!(Daemon::start().signal(signal).success(), "{signal}");
+        assert!(Daemon::start(&[]).signal(signal).success(), "{signal}");
     }
 }
 
@@ -106,60 +70,60 @@ fn the_real_grpcurl_works() {
         eprintln!("NOT RUN: grpcurl is not installed");
         return;
     }
-    let daemon = Daemon::start();
-    let list = daemon.call("list", "");
+    let daemon = Daemon::start(&[]);
+    let list = call(&daemon, "list", "");
     for service in
         ["CapabilityService", "ChartService", "MeshService", "PartitionService", "QualityService", "RemeshService", "SessionService"]
     {
         assert!(list.contains(&format!("remesh.v1.{service}\n")), "{list}");
     }
-    let described = String::from_utf8(daemon.grpcurl(&["describe"], "").stdout).expect("UTF-8");
+    let described = String::from_utf8(grpcurl(&daemon, &["describe"], "").stdout).expect("UTF-8");
     assert!(described.contains("rpc RemeshMesh"), "{described}");
-    assert!(daemon.call("grpc.health.v1.Health/Check", "").contains("SERVING"));
+    assert!(call(&daemon, "grpc.health.v1.Health/Check", "").contains("SERVING"));
 
-    let made = daemon.call("remesh.v1.SessionService/CreateSession", r#"{"display_name": "grpcurl"}"#);
+    let made = call(&daemon, "remesh.v1.SessionService/CreateSession", r#"{"display_name": "grpcurl"}"#);
     let session = field(&made, "name");
     let import = format!(r#"{{"session": "{session}", "sample": {{"kind": "SAMPLE_KIND_TUBE", "triangles": 2000}}}}"#);
-    assert_eq!(field(&daemon.call("remesh.v1.MeshService/ImportMesh", &import), "revision"), "1");
+    assert_eq!(field(&call(&daemon, "remesh.v1.MeshService/ImportMesh", &import), "revision"), "1");
     let size = format!(r#"{{"session": "{session}", "base_revision": 1, "change": {{"size": {{"triangles": 1500}}}}}}"#);
-    assert_eq!(field(&daemon.call("remesh.v1.SessionService/ApplyChange", &size), "revision"), "2");
+    assert_eq!(field(&call(&daemon, "remesh.v1.SessionService/ApplyChange", &size), "revision"), "2");
     let named = format!(r#"{{"session": "{session}"}}"#);
-    assert!(daemon.call("remesh.v1.RemeshService/RemeshSurface", &named).contains("\"kappaMean\""));
-    let again = daemon.call("remesh.v1.RemeshService/RemeshSurface", &named);
+    assert!(call(&daemon, "remesh.v1.RemeshService/RemeshSurface", &named).contains("\"kappaMean\""));
+    let again = call(&daemon, "remesh.v1.RemeshService/RemeshSurface", &named);
     assert!(!again.contains("STAGE_OUTCOME_RUN"), "everything is cached");
 
     let patch = format!(r#"{{"session": "{session}", "patch": 0}}"#);
-    let chart = daemon.call("remesh.v1.ChartService/GetPatchChart", &patch);
+    let chart = call(&daemon, "remesh.v1.ChartService/GetPatchChart", &patch);
     assert!(chart.contains("CHART_SPEC_ORIGIN_SESSION") && chart.contains("\"stretch\""), "{chart}");
     let edit = r#""patch": 0, "spec": {"method": "CHART_METHOD_LEAST_SQUARES_CONFORMAL", "holes": "HOLE_TREATMENT_OPEN"}, "update_mask": "method,holes""#;
     let preview = format!(r#"{{"session": "{session}", {edit}, "columns": ["DATA_COLUMN_UV", "DATA_COLUMN_FACE_FLIPPED"]}}"#);
     // Old releases of grpcurl take a field mask as an object, new ones as text.
-    let probe = daemon.grpcurl(&["remesh.v1.ChartService/PreviewPatchChart"], &preview);
+    let probe = grpcurl(&daemon, &["remesh.v1.ChartService/PreviewPatchChart"], &preview);
     let is_old = String::from_utf8_lossy(&probe.stderr).contains("expecting start of JSON object");
     let spelled = |request: &str| match is_old {
         true => request.replace(r#""method,holes""#, r#"{"paths": ["method", "holes"]}"#),
         false => request.to_owned(),
     };
-    let shown = daemon.call("remesh.v1.ChartService/PreviewPatchChart", &spelled(&preview));
+    let shown = call(&daemon, "remesh.v1.ChartService/PreviewPatchChart", &spelled(&preview));
     assert!(shown.contains("CHART_VERDICT_") && shown.contains("DATA_COLUMN_UV"), "{shown}");
     let update = format!(r#"{{"session": "{session}", "base_revision": 2, {edit}}}"#);
-    let updated = daemon.call("remesh.v1.ChartService/UpdatePatchChart", &spelled(&update));
+    let updated = call(&daemon, "remesh.v1.ChartService/UpdatePatchChart", &spelled(&update));
     assert_eq!(field(&updated, "revision"), "3");
     assert!(updated.contains("HOLE_TREATMENT_OPEN"), "{updated}");
-    assert_eq!(field(&daemon.call("remesh.v1.ChartService/GetPatchChart", &patch), "origin"), "CHART_SPEC_ORIGIN_PATCH");
-    let late = daemon.grpcurl(&["remesh.v1.ChartService/UpdatePatchChart"], &spelled(&update));
+    assert_eq!(field(&call(&daemon, "remesh.v1.ChartService/GetPatchChart", &patch), "origin"), "CHART_SPEC_ORIGIN_PATCH");
+    let late = grpcurl(&daemon, &["remesh.v1.ChartService/UpdatePatchChart"], &spelled(&update));
     assert!(!late.status.success() && String::from_utf8_lossy(&late.stderr).contains("STALE_REVISION"), "{late:?}");
 
-    let stale = daemon.grpcurl(&["remesh.v1.SessionService/ApplyChange"], &size);
+    let stale = grpcurl(&daemon, &["remesh.v1.SessionService/ApplyChange"], &size);
     let message = String::from_utf8_lossy(&stale.stderr).into_owned();
     assert!(!stale.status.success() && message.contains("Aborted") && message.contains("STALE_REVISION"), "{message}");
 
     let one_call = r#"{"sample": {"kind": "SAMPLE_KIND_TUBE", "triangles": 2000}, "size": {"triangles": 1000},
         "output_format": "MESH_FORMAT_OFF"}"#;
-    let first = daemon.call("remesh.v1.RemeshService/RemeshMesh", one_call);
+    let first = call(&daemon, "remesh.v1.RemeshService/RemeshMesh", one_call);
     let file = field(&first, "data");
     let back = format!(r#"{{"data": "{file}", "size": {{"triangles": 800}}, "output_format": "MESH_FORMAT_STL"}}"#);
-    assert!(daemon.call("remesh.v1.RemeshService/RemeshMesh", &back).contains("\"topologyKept\": true"), "base64 in and out");
+    assert!(call(&daemon, "remesh.v1.RemeshService/RemeshMesh", &back).contains("\"topologyKept\": true"), "base64 in and out");
 }
 
 /// Forwards connections to the daemon until told to cut them; then it takes new ones again.
@@ -179,7 +143,7 @@ async fn proxy(listener: TcpListener, target: String, mut cut: watch::Receiver<u
 
 #[tokio::test]
 async fn a_client_that_watches_goes_on_after_its_connection_broke() {
-    let daemon = Daemon::start();
+    let daemon = Daemon::start(&[]);
     let listener = TcpListener::bind("127.0.0.1:0").await.expect("a free port");
     let through = listener.local_addr().expect("address").to_string();
     let (cut, cuts) = watch::channel(0);

@@ -8,6 +8,8 @@ mod daemon;
 mod full;
 #[path = "durability/kill.rs"]
 mod kill;
+#[path = "common/daemon.rs"]
+mod process;
 #[path = "durability/restart.rs"]
 mod restart;
 #[path = "durability/upload.rs"]

@@ -1,36 +1,11 @@
 //! The recipes are run as they are written, against a daemon of the test's own.
 
-use std::io::{BufRead, BufReader};
+#[path = "common/daemon.rs"]
+mod daemon;
+
+use daemon::Daemon;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
-
-/// A running daemon on a free port; killed when dropped.
-struct Daemon {
-    child: Child,
-    address: String,
-}
-
-impl Daemon {
-    fn start() -> Daemon {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_remeshd"));
-        let mut child = command.args(["--listen", "127.0.0.1:0"]).stderr(Stdio::piped()).spawn().expect("starts");
-        let mut lines = BufReader::new(child.stderr.take().expect("piped")).lines();
-        let address = lines.by_ref().find_map(|line| {
-            let line = line.expect("text");
-            let (_, rest) = line.split_once("address=")?;
-            Some(rest.split_whitespace().next().unwrap_or_default().to_owned())
-        });
-        std::thread::spawn(move || lines.for_each(drop));
-        Daemon { child, address: address.expect("the daemon tells its address") }
-    }
-}
-
-impl Drop for Daemon {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
+use std::process::Command;
 
 fn recipes(folder: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("recipes").join(folder)
@@ -57,7 +32,7 @@ fn the_grpcurl_recipes_work_as_written() {
     if !is_there("grpcurl", &["-version"]) {
         return;
     }
-    let daemon = Daemon::start();
+    let daemon = Daemon::start(&[]);
     let shell = |name: &str, arguments: &[&Path]| {
         run(Command::new("sh").arg(recipes("grpcurl").join(name)).args(arguments).env("REMESHD", &daemon.address))
     };
@@ -87,7 +62,7 @@ fn the_python_recipe_works_as_written() {
     if !is_there("python3", &["-c", "import grpc, grpc_tools, numpy"]) {
         return;
     }
-    let daemon = Daemon::start();
+    let daemon = Daemon::start(&[]);
     let told = run(Command::new("python3").arg(recipes("python").join("remesh_to_numpy.py")).arg(&daemon.address));
     let lines: Vec<&str> = told.lines().collect();
     assert!(lines.len() == 2 && lines[0].contains(" triangles, mean kappa 0.9") && lines[1].contains(" vertices, "), "{told}");

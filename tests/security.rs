@@ -1,10 +1,14 @@
 //! Who may call the real daemon: tokens made by it, TLS with the command line client, metrics, and what it refuses to be.
 
+#[path = "common/daemon.rs"]
+mod daemon;
+
+use daemon::Daemon;
 use rcgen::{BasicConstraints, CertificateParams, IsCa, Issuer, KeyPair};
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::PathBuf;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output};
 
 /// A folder of one test; removed when dropped.
 struct Folder(PathBuf);
@@ -29,42 +33,16 @@ impl Drop for Folder {
     }
 }
 
-/// A daemon; killed when dropped.
-struct Daemon {
-    child: Child,
-    address: String,
-    metrics: String,
+fn start(arguments: &[&str]) -> Daemon {
+    Daemon::start(&[&["--metrics-listen", "127.0.0.1:0"], arguments].concat())
 }
 
-impl Daemon {
-    fn start(arguments: &[&str]) -> Self {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_remeshd"));
-        command.args(["--listen", "127.0.0.1:0", "--metrics-listen", "127.0.0.1:0"]).args(arguments);
-        let mut child = command.stderr(Stdio::piped()).spawn().expect("starts");
-        let mut lines = BufReader::new(child.stderr.take().expect("piped")).lines().map_while(Result::ok);
-        let mut told = |key: &str| {
-            let found = lines.find_map(|line| Some(line.split_once(key)?.1.split_whitespace().next()?.to_owned()));
-            found.unwrap_or_else(|| panic!("the log tells no {key}"))
-        };
-        let (metrics, address) = (told("metrics="), told(" address="));
-        std::thread::spawn(move || lines.for_each(drop));
-        Daemon { child, address, metrics }
-    }
-
-    fn get(&self, path: &str) -> String {
-        let mut stream = TcpStream::connect(&self.metrics).expect("connects");
-        write!(stream, "GET {path} HTTP/1.1\r\nHost: x\r\n\r\n").expect("sent");
-        let mut text = String::new();
-        stream.read_to_string(&mut text).expect("read");
-        text
-    }
-}
-
-impl Drop for Daemon {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
+fn get(daemon: &Daemon, path: &str) -> String {
+    let mut stream = TcpStream::connect(daemon.told("metrics=")).expect("connects");
+    write!(stream, "GET {path} HTTP/1.1\r\nHost: x\r\n\r\n").expect("sent");
+    let mut text = String::new();
+    stream.read_to_string(&mut text).expect("read");
+    text
 }
 
 fn text(bytes: &[u8]) -> String {
@@ -91,7 +69,7 @@ fn tokens_of_the_daemon_let_the_client_in_and_metrics_tell_what_happened() {
     let made = remeshd(&["token", "alice"]);
     let token = folder.write("token", &ok(&made));
     let table = folder.write("table", &text(&made.stderr));
-    let daemon = Daemon::start(&["--token-file", &table]);
+    let daemon = start(&["--token-file", &table]);
     let at = |arguments: &[&str]| remesh(&[arguments, &["--endpoint", &daemon.address]].concat());
     let refused = at(&["session", "create"]);
     assert!(refused.status.code() == Some(1) && text(&refused.stderr).contains("TOKEN_MISSING"), "{refused:?}");
@@ -104,7 +82,7 @@ fn tokens_of_the_daemon_let_the_client_in_and_metrics_tell_what_happened() {
         ok(&at(&["watch", &session, "--after-revision", "0", "--no-stages", "--count", "1", "--token-file", &token]))
             .contains("by token:alice")
     );
-    let metrics = daemon.get("/metrics");
+    let metrics = get(&daemon, "/metrics");
     for line in [
         "HTTP/1.1 200 OK",
         "remeshd_unauthenticated_total 1\n",
@@ -118,10 +96,10 @@ fn tokens_of_the_daemon_let_the_client_in_and_metrics_tell_what_happened() {
     }
     assert!(metrics.contains("remeshd_upload_bytes_total ") && !metrics.contains("remeshd_upload_bytes_total 0\n"), "{metrics}");
     assert!(!metrics.contains("alice") && !metrics.contains(&session["sessions/".len()..]), "no names in metrics");
-    assert!(daemon.get("/readyz").contains("200 OK") && daemon.get("/livez").contains("200 OK"));
-    assert!(daemon.get("/secrets").contains("404 Not Found"));
+    assert!(get(&daemon, "/readyz").contains("200 OK") && get(&daemon, "/livez").contains("200 OK"));
+    assert!(get(&daemon, "/secrets").contains("404 Not Found"));
     ok(&remeshd(&["health", "--listen", &daemon.address]));
-    ok(&remeshd(&["health", "--metrics-listen", &daemon.metrics, "--probe", "liveness"]));
+    ok(&remeshd(&["health", "--metrics-listen", &daemon.told("metrics="), "--probe", "liveness"]));
 }
 
 #[test]
@@ -139,7 +117,7 @@ fn the_client_speaks_tls_and_shows_its_certificate() {
         (folder.write(&format!("{name}.cert"), &cert), folder.write(&format!("{name}.key"), &key.serialize_pem()))
     };
     let ((cert, key), (client, client_key)) = (sign("remesh.example"), sign("alice.example"));
-    let daemon = Daemon::start(&["--tls-cert", &cert, "--tls-key", &key, "--tls-client-ca", &ca]);
+    let daemon = start(&["--tls-cert", &cert, "--tls-key", &key, "--tls-client-ca", &ca]);
     let endpoint = format!("https://{}", daemon.address);
     let trusting = ["--endpoint", &endpoint, "--tls-ca", &ca, "--tls-domain", "remesh.example"];
     let shows = [&trusting[..], &["--tls-cert", &client, "--tls-key", &client_key]].concat();

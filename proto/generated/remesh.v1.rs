@@ -615,6 +615,12 @@ pub struct GetCacheUsageResponse {
     /// Calls that wait to compute.
     #[prost(uint32, tag = "11")]
     pub queued: u32,
+    /// Bytes of the data folder; not set without one.
+    #[prost(uint64, optional, tag = "12")]
+    pub store_bytes: ::core::option::Option<u64>,
+    /// What it may take at most; not set if the disk alone bounds it.
+    #[prost(uint64, optional, tag = "13")]
+    pub store_capacity_bytes: ::core::option::Option<u64>,
 }
 /// Generated client implementations.
 pub mod capability_service_client {
@@ -9755,6 +9761,9 @@ pub struct StoredSession {
     /// When it was last used. Not in snapshots.
     #[prost(message, optional, tag = "5")]
     pub use_time: ::core::option::Option<::prost_types::Timestamp>,
+    /// Whose limits it counts for: the name of the caller that made it, or its address if it had none. Not in snapshots.
+    #[prost(string, tag = "6")]
+    pub client: ::prost::alloc::string::String,
 }
 /// Where a session is.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]

@@ -8,6 +8,7 @@ mod files;
 mod history;
 mod inspect;
 mod json;
+mod operations;
 mod patches;
 mod render;
 mod run;
@@ -117,7 +118,7 @@ fn needs_daemon(command: &Command) -> bool {
         Command::Session(_) | Command::Import(_) | Command::Set(_) | Command::Partition(_) | Command::Patch(_) => true,
         Command::Chart(args) => args.verb.is_some() || args.all.target.as_deref().is_some_and(args::names_session),
         Command::Remesh(_) | Command::Plan(_) | Command::Export(_) | Command::Rollback(_) => true,
-        Command::History(_) => true,
+        Command::History(_) | Command::Operations(_) => true,
         Command::Quality(args) => args.session.is_some(),
         Command::Diagnose(args) => args.session.is_some(),
         Command::Render(args) => args.session.is_some(),
@@ -167,6 +168,11 @@ async fn execute(context: &Context, command: &Command) -> Outcome<u8> {
         Command::Plan(name) => answer(steps::plan(context, &name.session).await?),
         Command::Export(args) => done(steps::export(context, args).await?),
         Command::History(verb) => done(history::verb(context, verb).await?),
+        Command::Operations(verb) => {
+            let (report, code) = operations::verb(context, verb).await?;
+            context.ui.report(&report, true);
+            Ok(code)
+        }
         Command::Rollback(args) => done(steps::rollback(context, args).await?),
     }
 }

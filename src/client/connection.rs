@@ -22,6 +22,8 @@ pub const MAX_MESSAGE_BYTES: usize = 1 << 30;
 
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 const KEEP_ALIVE: Duration = Duration::from_secs(30);
+/// Bulk data comes in pieces of a megabyte; in small frames each of them would be put together from many.
+const MAX_FRAME_BYTES: u32 = 1 << 20;
 /// Room for a status with a hundred places in its details.
 const MAX_HEADER_BYTES: u32 = 256 << 10;
 
@@ -66,6 +68,7 @@ impl Client {
             .connect_timeout(CONNECT_TIMEOUT)
             .http2_keep_alive_interval(KEEP_ALIVE)
             .http2_max_header_list_size(MAX_HEADER_BYTES)
+            .max_frame_size(MAX_FRAME_BYTES)
             .tcp_nodelay(true)
             .connect()
             .await

@@ -41,6 +41,8 @@ pub struct Keeping {
     pub folder: PathBuf,
     /// Most bytes that it may take on the disk; `None` for what the disk has.
     pub max_bytes: Option<u64>,
+    /// Most bytes of it that the sessions and files of one client may take.
+    pub max_bytes_per_client: Option<u64>,
     /// How long an uploaded file stays that nobody asks for and no session uses.
     pub blob_grace: Duration,
 }

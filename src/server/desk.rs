@@ -20,6 +20,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::SystemTime;
 use v1::watch_session_response::Event;
 
+/// Changes after which a session may have another surface.
+const OTHER_MESH: [&str; 4] = ["mesh", "undo", "redo", "rollback"];
 /// Imports whose numbers are remembered per session, for rollbacks.
 const KEPT_MESHES: usize = 64;
 
@@ -32,7 +34,7 @@ pub(crate) struct Desk {
     pub(crate) owner: Caller,
     /// Whose limits it counts for.
     pub(crate) client: Arc<str>,
-    /// Faces of the surface that was imported last.
+    /// Faces of the surface of the current revision.
     pub(crate) faces: AtomicU64,
     /// What computes for it.
     pub(crate) works: Works,
@@ -84,7 +86,6 @@ impl Desk {
 
     /// Remembers the numbers of an imported mesh.
     pub(crate) fn note_mesh(&self, snapshot: &Snapshot, summary: v1::MeshSummary) {
-        self.faces.store(summary.faces, Ordering::Relaxed);
         let Some(key) = source_fingerprint(snapshot) else { return };
         let mut meshes = self.meshes.lock().unwrap_or_else(PoisonError::into_inner);
         meshes.retain(|(other, _)| *other != key);
@@ -92,6 +93,11 @@ impl Desk {
         if meshes.len() > KEPT_MESHES {
             meshes.remove(0);
         }
+    }
+
+    /// Counts the faces of the surface of what is the current revision now.
+    pub(crate) fn count_faces(&self, current: &Snapshot) {
+        self.faces.store(self.mesh_summary(current).map_or(0, |mesh| mesh.faces), Ordering::Relaxed);
     }
 
     /// The numbers of the mesh of a snapshot.
@@ -191,6 +197,9 @@ impl Target {
     /// Tells those who watch and the audit log of a revision.
     fn tell(&self, pending: &Pending, names: &[&'static str]) {
         let revision = pending.next.revision.0;
+        if names.iter().any(|name| OTHER_MESH.contains(name)) {
+            self.desk.count_faces(&pending.next);
+        }
         let (author, request_id) = (self.caller.name(), self.request_id.as_str());
         tracing::info!(target: "audit", action = "edit", session = short_id(&self.session), revision, changes = names.join(","), author, request_id);
         let made = v1::RevisionMade {

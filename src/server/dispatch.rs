@@ -8,6 +8,7 @@ use crate::progress::Meter;
 use crate::state::Shared;
 use crate::status::{Fault, Told, code_name, log_end, status_of};
 use crate::stream::{Chunks, Watch};
+use crate::trace_context::{self, StageSpans};
 use remesh_engine::EngineError;
 use remesh_engine::error::{Reason, Result as EngineResult};
 use remesh_engine::pipeline::Run;
@@ -36,6 +37,14 @@ pub(crate) enum Intent {
 }
 
 impl Intent {
+    /// Threads that it may take. Short work starts none: what it looks up is found sooner than a thread is started and waited for.
+    fn threads(self, shared: &Shared) -> usize {
+        match self {
+            Intent::Short => 1,
+            Intent::Long => shared.config.engine.threads,
+        }
+    }
+
     /// Of work that has to run what a plan says is not cached: short if that is nothing of the whole surface, but little of a few patches.
     pub(crate) fn of_plan<'a>(records: impl IntoIterator<Item = &'a StageRecord>) -> Intent {
         let mut estimated = 0.0;
@@ -51,6 +60,36 @@ impl Intent {
 
 /// Work on patches that is estimated to take longer is long.
 const SHORT_MILLISECONDS: f64 = 1000.0;
+
+/// What is known beforehand of how long a computation takes.
+pub(crate) enum Weight {
+    /// Enough.
+    Known(Intent),
+    /// As much as a plan tells. If there is no plan, there will be no computation but an error.
+    Planned(Plan),
+}
+
+/// Makes a plan, which computes nothing.
+type Plan = Box<dyn FnOnce(&Shared, &Run<'_>) -> EngineResult<Intent> + Send>;
+
+impl Weight {
+    /// Of a computation that is planned first.
+    pub(crate) fn planned(plan: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<Intent> + Send + 'static) -> Weight {
+        Weight::Planned(Box::new(plan))
+    }
+}
+
+impl From<Intent> for Weight {
+    fn from(intent: Intent) -> Weight {
+        Weight::Known(intent)
+    }
+}
+
+/// What became of work that was planned: short work is done where its plan was made, since each way between threads takes time.
+enum Planned<T, W> {
+    Done(T),
+    Long(W),
+}
 
 /// Permits to compute, and the calls that are on.
 #[derive(Debug)]
@@ -180,6 +219,7 @@ impl Drop for Call {
         if !self.ended {
             let _entered = self.span.enter();
             tracing::debug!(milliseconds = self.milliseconds(), "the client went away");
+            trace_context::ended(&self.span, "Cancelled");
             self.shared.metrics.call(self.method, "Cancelled", self.milliseconds());
         }
     }
@@ -196,6 +236,7 @@ impl Call {
         let caller = request.extensions().get::<Caller>().cloned().unwrap_or_default();
         let empty = tracing::field::Empty;
         let span = tracing::info_span!("call", method, id, peer = empty, caller = empty, session = empty, revision = empty);
+        trace_context::adopt(&span, request.metadata());
         if let Some(peer) = request.remote_addr() {
             span.record("peer", tracing::field::display(peer));
         }
@@ -222,9 +263,10 @@ impl Call {
 
     fn end(&mut self, fault: &Fault) -> Status {
         self.ended = true;
-        let _entered = self.span.enter();
+        let (_entered, code) = (self.span.enter(), code_name(fault));
         log_end(Some(fault), self.milliseconds());
-        self.shared.metrics.call(self.method, code_name(fault), self.milliseconds());
+        trace_context::ended(&self.span, code);
+        self.shared.metrics.call(self.method, code, self.milliseconds());
         status_of(fault)
     }
 
@@ -235,6 +277,7 @@ impl Call {
                 self.ended = true;
                 let _entered = self.span.enter();
                 log_end(None, self.milliseconds());
+                trace_context::ended(&self.span, "OK");
                 self.shared.metrics.call(self.method, "OK", self.milliseconds());
                 drop(_entered);
                 Ok(Response::new(value))
@@ -289,7 +332,7 @@ impl Call {
         tokio::spawn(async move {
             let moving = operation.clone();
             let meter = Meter::new(move |progress| moving.progress(progress));
-            let result = call.work(Intent::Long, Some(meter), move |shared, run| work(shared, run, &target)).await;
+            let result = call.work(Intent::Long.into(), Some(meter), move |shared, run| work(shared, run, &target)).await;
             let told = result.as_ref().err().cloned();
             operation.end(result);
             // For the log and the metrics only.
@@ -337,18 +380,13 @@ impl Call {
         self.check(known)
     }
 
-    /// How long a computation is likely to take, from a plan of it. If there is no plan, there will be no computation but an error.
-    pub(crate) async fn weigh(&self, plan: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<Intent> + Send + 'static) -> Intent {
-        self.run(Intent::Short, [None, None], plan).await.unwrap_or(Intent::Short)
-    }
-
     /// Answers with the outcome of a computation on the pool.
     pub(crate) async fn compute<T: Send + 'static>(
         self,
-        intent: Intent,
+        weight: impl Into<Weight>,
         work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<T> + Send + 'static,
     ) -> Result<Response<T>, Status> {
-        let result = self.work(intent, None, work).await;
+        let result = self.work(weight.into(), None, work).await;
         self.finish(result)
     }
 
@@ -374,20 +412,20 @@ impl Call {
     /// The outcome of a computation on the pool, for a call that goes on after it.
     pub(crate) async fn on_pool<T: Send + 'static>(
         self,
-        intent: Intent,
+        weight: impl Into<Weight>,
         work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<T> + Send + 'static,
     ) -> (Self, Result<T, Fault>) {
-        let result = self.work(intent, None, work).await;
+        let result = self.work(weight.into(), None, work).await;
         (self, result)
     }
 
     /// Answers with a computed stream of messages, made one by one as the client takes them.
     pub(crate) async fn bulk<M: Send + 'static>(
         self,
-        intent: Intent,
+        weight: impl Into<Weight>,
         work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<Chunks<M>> + Send + 'static,
     ) -> Result<Response<Watch<M>>, Status> {
-        let result = self.work(intent, None, work).await;
+        let result = self.work(weight.into(), None, work).await;
         let deadline = self.deadline;
         self.finish(result.map(|chunks| Watch::of_chunks(chunks, deadline)))
     }
@@ -395,12 +433,13 @@ impl Call {
     /// Answers at once with a stream of progress that ends with the outcome of a computation on the pool.
     pub(crate) fn watch<M: Send + 'static, T: Send + 'static>(
         self,
-        intent: Intent,
+        weight: impl Into<Weight>,
         wrap_progress: impl Fn(v1::Progress) -> M + Send + 'static,
         wrap_result: impl FnOnce(T) -> M + Send + 'static,
         work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<T> + Send + 'static,
     ) -> Result<Response<Watch<M>>, Status> {
         let (sender, receiver) = mpsc::channel(PROGRESS_BUFFER);
+        let weight = weight.into();
         let token = self.token.clone();
         let meter_sender = sender.clone();
         let task = async move {
@@ -408,7 +447,7 @@ impl Call {
                 // A client that reads slowly misses progress, never the result.
                 let _ = meter_sender.try_send(Ok(wrap_progress(progress)));
             });
-            let result = self.work(intent, Some(meter), work).await;
+            let result = self.work(weight, Some(meter), work).await;
             let last = self.finish(result).map(|response| wrap_result(response.into_inner()));
             let _ = sender.send(last).await;
         };
@@ -420,7 +459,7 @@ impl Call {
     /// no news.
     async fn work<T: Send + 'static>(
         &self,
-        intent: Intent,
+        weight: Weight,
         meter: Option<Meter>,
         work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<T> + Send + 'static,
     ) -> Result<T, Fault> {
@@ -433,7 +472,21 @@ impl Call {
                 desk.feed.push(revision, Event::StageMoved(v1::StageMoved { call, progress: Some(progress) }));
             })
         });
-        let result = self.run(intent, [meter, stages], work).await;
+        let meters = Arc::new([meter, stages]);
+        let result = match weight {
+            Weight::Known(intent) => self.run(intent, meters, work).await,
+            Weight::Planned(plan) => {
+                let both = |shared: &Shared, run: &Run<'_>| match plan(shared, run) {
+                    Ok(Intent::Long) => Ok(Planned::Long(work)),
+                    Ok(Intent::Short) | Err(_) => work(shared, run).map(Planned::Done),
+                };
+                match self.run(Intent::Short, meters.clone(), both).await {
+                    Ok(Planned::Done(value)) => Ok(value),
+                    Ok(Planned::Long(work)) => self.run(Intent::Long, meters, work).await,
+                    Err(fault) => Err(fault),
+                }
+            }
+        };
         if let Some((desk, revision)) = &self.desk
             && (result.is_err() || moved.load(Ordering::Relaxed))
         {
@@ -449,7 +502,7 @@ impl Call {
     async fn run<T: Send + 'static>(
         &self,
         intent: Intent,
-        meters: [Option<Meter>; 2],
+        meters: Arc<[Option<Meter>; 2]>,
         work: impl FnOnce(&Shared, &Run<'_>) -> EngineResult<T> + Send + 'static,
     ) -> Result<T, Fault> {
         let shared = self.shared.clone();
@@ -468,12 +521,14 @@ impl Call {
                 let _entered = span.enter();
                 let (_permit, _running, _held) = (permit, running, held);
                 let _urgent = (intent == Intent::Short).then(|| gate.enter());
+                let spans = StageSpans::of(&span);
                 catch_unwind(AssertUnwindSafe(|| {
                     let events = |event: &remesh_engine::pipeline::Event| {
                         shared.metrics.on(event);
+                        spans.on(event);
                         meters.iter().flatten().for_each(|meter| meter.on(event));
                     };
-                    work(&shared, &Run { cancel: &token, events: &events, threads: shared.config.engine.threads })
+                    work(&shared, &Run { cancel: &token, events: &events, threads: intent.threads(&shared) })
                 }))
             };
             match tokio::task::spawn_blocking(blocking).await {

@@ -3,12 +3,14 @@
 //! Every session has a [`ledger::Ledger`] that writes its revisions inside the lock of the session, so in their order; a revision is on the disk
 //! before anybody sees it. Results are not kept: they are recomputed, bit for bit, when somebody asks.
 
+pub(crate) mod charges;
 mod keys;
 pub(crate) mod ledger;
 mod open;
 pub(crate) mod snapshot;
 
 use crate::desk::Desk;
+use charges::Charges;
 use prost::Message;
 use remesh_engine::EngineError;
 use remesh_engine::engine::Engine;
@@ -38,6 +40,8 @@ pub(crate) struct Keeper {
     /// Held while a file gets its name or loses it.
     names: Mutex<()>,
     unreadable: Mutex<HashMap<String, Unreadable>>,
+    /// What each client has in it.
+    pub(crate) charges: Charges,
 }
 
 /// What the engine and clients are told of an error of the store. Where it is on the disk is for the log only.
@@ -146,6 +150,7 @@ impl Keeper {
                 tracing::error!(%error, "an unused file cannot be deleted");
             }
         }
+        self.charges.clean_up(&dropped, now, grace);
         dropped.len()
     }
 
@@ -163,7 +168,9 @@ impl Keeper {
     pub(crate) fn delete_session(&self, id: &str) -> Result<()> {
         let mut batch = Batch::default();
         batch.delete_all(keys::all_of(id));
-        self.commit(batch)
+        self.commit(batch)?;
+        self.charges.forget(id);
+        Ok(())
     }
 
     /// Writes when sessions were last used, and that the daemon was alive now: the time that it is not does not count.
@@ -210,5 +217,6 @@ fn stored_session(session: &Session, desk: &Desk) -> v1::StoredSession {
         create_time: Some(session.created.into()),
         ttl: prost_types::Duration::try_from(session.ttl()).ok(),
         use_time: Some(session.last_used().into()),
+        client: desk.client.to_string(),
     }
 }

@@ -25,6 +25,7 @@ mod service;
 mod state;
 mod status;
 mod stream;
+mod trace_context;
 
 pub use config::{Clock, Keeping, ServerConfig};
 pub use remesh_store::StoreError;

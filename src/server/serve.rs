@@ -65,6 +65,8 @@ const KEEPALIVE_TIMEOUT: Duration = Duration::from_secs(20);
 const MAX_STREAMS: u32 = 1024;
 /// Headers of a call together; a JWT fits.
 const MAX_HEADER_BYTES: u32 = 32 << 10;
+/// Frames that are taken; those of uploads then come whole.
+const MAX_FRAME_BYTES: u32 = 1 << 20;
 /// Calls that a client took back before they were begun; a connection with more is cut.
 const MAX_RESETS: usize = 64;
 /// Bytes in flight on a private pipe.
@@ -169,6 +171,7 @@ fn builder() -> Server {
         .http2_keepalive_timeout(Some(KEEPALIVE_TIMEOUT))
         .max_concurrent_streams(Some(MAX_STREAMS))
         .http2_max_header_list_size(Some(MAX_HEADER_BYTES))
+        .max_frame_size(Some(MAX_FRAME_BYTES))
         .http2_max_pending_accept_reset_streams(Some(MAX_RESETS))
 }
 

@@ -213,6 +213,7 @@ impl Shared {
         let past = restored.past.clone();
         let (session, desk) = self.admit(desk, || self.engine.restore_session(ttl, self.config.clock.now(), past))?;
         restored.meshes.iter().for_each(|(snapshot, summary)| desk.note_mesh(snapshot, summary.clone()));
+        desk.count_faces(&session.snapshot());
         let kept = {
             let mut ledger = desk.ledger.lock().unwrap_or_else(PoisonError::into_inner);
             ledger.record_all(&self.keeper, &session, &desk, &restored.whole)

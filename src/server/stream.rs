@@ -60,6 +60,15 @@ impl<M> Stream for Watch<M> {
     }
 }
 
+/// Packs numbers behind what there is. Of known length, so that it becomes a plain copy where the machine is little-endian.
+fn pack<T: Copy, const N: usize>(values: &[T], bytes: fn(T) -> [u8; N], out: &mut Vec<u8>) {
+    let begin = out.len();
+    out.resize(begin + N * values.len(), 0);
+    for (place, &value) in out[begin..].chunks_exact_mut(N).zip(values) {
+        place.copy_from_slice(&bytes(value));
+    }
+}
+
 /// The rows of a column: how many there are and how a range of them is packed.
 pub(crate) struct Column {
     kind: v1::DataColumn,
@@ -73,7 +82,7 @@ impl Column {
     pub(crate) fn f64s<T: Send + Sync + 'static, const N: usize>(kind: v1::DataColumn, held: Arc<T>, rows: fn(&T) -> &[[f64; N]]) -> Self {
         let count = rows(&held).len();
         let pack = move |range: std::ops::Range<usize>, out: &mut Vec<u8>| {
-            rows(&held)[range].as_flattened().iter().for_each(|x| out.extend_from_slice(&x.to_le_bytes()));
+            pack(rows(&held)[range].as_flattened(), f64::to_le_bytes, out);
         };
         Column { kind, rows: count, row_bytes: 8 * N, pack: Box::new(pack) }
     }
@@ -82,7 +91,7 @@ impl Column {
     pub(crate) fn u32s<T: Send + Sync + 'static, const N: usize>(kind: v1::DataColumn, held: Arc<T>, rows: fn(&T) -> &[[u32; N]]) -> Self {
         let count = rows(&held).len();
         let pack = move |range: std::ops::Range<usize>, out: &mut Vec<u8>| {
-            rows(&held)[range].as_flattened().iter().for_each(|x| out.extend_from_slice(&x.to_le_bytes()));
+            pack(rows(&held)[range].as_flattened(), u32::to_le_bytes, out);
         };
         Column { kind, rows: count, row_bytes: 4 * N, pack: Box::new(pack) }
     }
@@ -91,7 +100,7 @@ impl Column {
     pub(crate) fn indices<T: Send + Sync + 'static>(kind: v1::DataColumn, held: Arc<T>, rows: fn(&T) -> &[u32]) -> Self {
         let count = rows(&held).len();
         let pack = move |range: std::ops::Range<usize>, out: &mut Vec<u8>| {
-            rows(&held)[range].iter().for_each(|x| out.extend_from_slice(&x.to_le_bytes()));
+            pack(&rows(&held)[range], u32::to_le_bytes, out);
         };
         Column { kind, rows: count, row_bytes: 4, pack: Box::new(pack) }
     }

@@ -62,7 +62,7 @@ async fn fill(mut daemon: Daemon, folder: &Path) {
     }
     assert_eq!(client.get_session(&session).await.expect("session").revision, acknowledged);
     drop(daemon);
-    let daemon = Daemon::start(folder, &[]);
+    let daemon = Daemon::on(folder, &[]);
     let client = daemon.connect().await;
     assert_eq!(client.get_session(&session).await.expect("session").revision, acknowledged);
     assert_eq!(client.get_session(&other).await.expect("session").revision, small);
@@ -74,14 +74,14 @@ async fn fill(mut daemon: Daemon, folder: &Path) {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_bound_of_the_folder_is_kept() {
     let folder = tempfile::tempdir().expect("folder");
-    let daemon = Daemon::start(folder.path(), &["--max-store-mb", "24"]);
+    let daemon = Daemon::on(folder.path(), &["--max-store-mb", "24"]);
     fill(daemon, folder.path()).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn writes_that_fail_are_refused_and_taken_back() {
     let folder = tempfile::tempdir().expect("folder");
-    let daemon = Daemon::start_with_small_files(folder.path(), 24 << 20);
+    let daemon = Daemon::with_small_files(folder.path(), 24 << 20);
     fill(daemon, folder.path()).await;
 }
 
@@ -94,7 +94,7 @@ async fn a_full_disk_loses_nothing() {
         return;
     };
     let folder = Path::new(&disk).join("data");
-    let mut daemon = Daemon::start(&folder, &[]);
+    let mut daemon = Daemon::on(&folder, &[]);
     let client: Client = daemon.connect().await;
     let session = client.create_session("", None).await.expect("session").name;
     let mut acknowledged = 0;
@@ -113,7 +113,7 @@ async fn a_full_disk_loses_nothing() {
     }
     assert!(daemon.is_alive() && acknowledged > 0 && refused > 0);
     daemon.kill();
-    let daemon = Daemon::start(&folder, &[]);
+    let daemon = Daemon::on(&folder, &[]);
     let client = daemon.connect().await;
     assert_eq!(client.get_session(&session).await.expect("session").revision, acknowledged);
     client.delete_session(&session).await.expect("deleting makes room");

@@ -196,7 +196,7 @@ async fn nothing_that_was_acknowledged_is_lost() {
     let folder = tempfile::tempdir().expect("folder");
     let mirror = Client::from_channel(in_process(ServerConfig::default()).await.expect("a server"));
     let mut dice = Dice(seed);
-    let daemon = Daemon::start(folder.path(), &[]);
+    let daemon = Daemon::on(folder.path(), &[]);
     let client = daemon.connect().await;
     // A file that sessions import, known to both.
     let file: bytes::Bytes = b"OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n".to_vec().into();
@@ -227,7 +227,7 @@ async fn nothing_that_was_acknowledged_is_lost() {
         let came = uploads.await.expect("uploads");
         uploaded.lock().expect("not poisoned").extend(came);
         let begin = Instant::now();
-        daemon = Daemon::start(folder.path(), &[]);
+        daemon = Daemon::on(folder.path(), &[]);
         client = daemon.connect().await;
         assert_eq!(client.list_sessions().await.expect("list").len(), SESSIONS);
         slowest = slowest.max(begin.elapsed());
@@ -264,7 +264,7 @@ async fn a_daemon_that_is_killed_while_it_starts_can_be_started() {
         std::thread::sleep(Duration::from_micros(microseconds));
         child.kill().expect("killed");
         child.wait().expect("ended");
-        let daemon = Daemon::start(folder.path(), &[]);
+        let daemon = Daemon::on(folder.path(), &[]);
         daemon.connect().await.create_session("", None).await.expect("it works");
     }
 }

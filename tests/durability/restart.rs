@@ -35,7 +35,7 @@ async fn snapshot(client: &Client, session: &str) -> Bytes {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_hundred_sessions_are_there_again() {
     let folder = tempfile::tempdir().expect("folder");
-    let daemon = Daemon::start(folder.path(), &[]);
+    let daemon = Daemon::on(folder.path(), &[]);
     let client = daemon.connect().await;
     let mut names = Vec::new();
     for n in 0..100 {
@@ -47,7 +47,7 @@ async fn a_hundred_sessions_are_there_again() {
     let (before, file) = (client.get_session(&names[0]).await.expect("session"), result(&client, &names[0]).await);
     daemon.stop();
     let begin = Instant::now();
-    let daemon = Daemon::start(folder.path(), &[]);
+    let daemon = Daemon::on(folder.path(), &[]);
     let client = daemon.connect().await;
     client.list_sessions().await.expect("list");
     println!("100 sessions: {:?} from the start of the process until it answers", begin.elapsed());
@@ -63,7 +63,7 @@ async fn a_hundred_sessions_are_there_again() {
 #[tokio::test(flavor = "multi_thread")]
 async fn one_folder_has_one_daemon_and_its_settings_are_checked() {
     let folder = tempfile::tempdir().expect("folder");
-    let daemon = Daemon::start(folder.path(), &[]);
+    let daemon = Daemon::on(folder.path(), &[]);
     let run = |arguments: &[&str]| {
         let output = std::process::Command::new(env!("CARGO_BIN_EXE_remeshd")).args(arguments).output().expect("runs");
         (output.status.code(), String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr))
@@ -76,13 +76,13 @@ async fn one_folder_has_one_daemon_and_its_settings_are_checked() {
     let (code, told) = run(&["check-config", "--max-store-mb", "100"]);
     assert!(code == Some(2) && told.contains("--data-dir"), "{told}");
     drop(daemon);
-    Daemon::start(folder.path(), &[]).stop();
+    Daemon::on(folder.path(), &[]).stop();
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_snapshot_is_restored_by_another_daemon() {
     let (one, two) = (tempfile::tempdir().expect("folder"), tempfile::tempdir().expect("folder"));
-    let (first, second) = (Daemon::start(one.path(), &[]), Daemon::start(two.path(), &[]));
+    let (first, second) = (Daemon::on(one.path(), &[]), Daemon::on(two.path(), &[]));
     let (from, to) = (first.connect().await, second.connect().await);
     let session = tube(&from, "mine").await;
     let obj = result(&from, &session).await;
@@ -97,7 +97,7 @@ async fn a_snapshot_is_restored_by_another_daemon() {
     assert!(result(&to, &restored.name).await == result(&from, &session).await, "bit for bit");
     // Undo and rollback lead where they would have, also after a restart.
     drop(second);
-    let second = Daemon::start(two.path(), &[]);
+    let second = Daemon::on(two.path(), &[]);
     let to = second.connect().await;
     for client_and_name in [(&from, &session), (&to, &restored.name)] {
         let (client, name) = client_and_name;

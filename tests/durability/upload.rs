@@ -55,7 +55,7 @@ async fn through_a_proxy(daemon: &Daemon, cuts: Vec<u64>) -> (Client, Arc<Atomic
 async fn an_upload_goes_on_after_its_connection_broke() {
     for in_folder in [false, true] {
         let folder = tempfile::tempdir().expect("folder");
-        let daemon = if in_folder { Daemon::start(folder.path(), &[]) } else { Daemon::start_in_memory() };
+        let daemon = if in_folder { Daemon::on(folder.path(), &[]) } else { Daemon::start(&[]) };
         let (client, sent) = through_a_proxy(&daemon, vec![4 << 20, 6 << 20]).await;
         let file = file(3);
         let blob = client.upload(file.clone(), |_| {}).await.expect("upload");
@@ -70,7 +70,7 @@ async fn an_upload_goes_on_after_its_connection_broke() {
 #[tokio::test(flavor = "multi_thread")]
 async fn an_upload_goes_on_after_the_daemon_was_killed() {
     let folder = tempfile::tempdir().expect("folder");
-    let daemon = Daemon::start(folder.path(), &[]);
+    let daemon = Daemon::on(folder.path(), &[]);
     let (client, _) = through_a_proxy(&daemon, vec![6 << 20, 6 << 20, 6 << 20, 6 << 20, 6 << 20, 6 << 20, 6 << 20]).await;
     let file = file(4);
     let upload = tokio::spawn({
@@ -80,7 +80,7 @@ async fn an_upload_goes_on_after_the_daemon_was_killed() {
     tokio::time::sleep(std::time::Duration::from_millis(150)).await;
     daemon.kill();
     upload.abort();
-    let daemon = Daemon::start(folder.path(), &[]);
+    let daemon = Daemon::on(folder.path(), &[]);
     let (client, sent) = through_a_proxy(&daemon, Vec::new()).await;
     let incoming = std::fs::read_dir(folder.path().join("incoming")).expect("folder");
     let arrived: u64 = incoming.map(|entry| entry.expect("entry").metadata().expect("file").len()).sum();

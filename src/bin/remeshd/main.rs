@@ -1,7 +1,9 @@
 //! `remeshd`: the remeshing daemon. Settings, bind, serve, drain.
 
 mod settings;
+mod traces;
 
+use opentelemetry_sdk::trace::SdkTracerProvider;
 use remesh_server::health::{self, Probed};
 use remesh_server::security::new_token;
 use remesh_server::{Keeping, Security, SecurityFiles, ServerConfig, serve_with_metrics};
@@ -11,7 +13,9 @@ use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::process::ExitCode;
 use std::time::Duration;
 use tokio::net::TcpListener;
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
+use tracing_subscriber::{EnvFilter, Layer};
 
 const MEGABYTE: usize = 1 << 20;
 
@@ -44,6 +48,7 @@ fn config_of(settings: &Settings) -> ServerConfig {
     config.keeping = settings.data_dir.as_ref().map(|folder| Keeping {
         folder: folder.clone(),
         max_bytes: settings.max_store_mb.map(|mb| megabytes(mb.get()) as u64),
+        max_bytes_per_client: settings.max_store_mb_per_client.map(|mb| megabytes(mb.get()) as u64),
         blob_grace: config.upload_patience,
     });
     config
@@ -55,13 +60,15 @@ fn log_filter(settings: &Settings) -> Result<EnvFilter, String> {
     EnvFilter::try_new(directives).map_err(|e| format!("--log {:?} is not a filter: {e}", settings.log))
 }
 
-fn start_log(settings: &Settings) -> Result<(), String> {
+/// Starts the log, and traces where they are wanted.
+fn start_log(settings: &Settings, traces: Option<&SdkTracerProvider>) -> Result<(), String> {
     let filter = log_filter(settings)?;
-    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
-    match settings.log_format {
-        LogFormat::Text => log.with_ansi(std::io::stderr().is_terminal()).init(),
-        LogFormat::Json => log.json().flatten_event(true).init(),
-    }
+    let log = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
+    let log = match settings.log_format {
+        LogFormat::Text => log.with_ansi(std::io::stderr().is_terminal()).with_filter(filter).boxed(),
+        LogFormat::Json => log.json().flatten_event(true).with_filter(filter).boxed(),
+    };
+    tracing_subscriber::registry().with(log).with(traces.map(traces::layer)).init();
     // A panic inside a computation fails one call; where it happened belongs in the log, in the log's format.
     std::panic::set_hook(Box::new(|info| {
         let place = info.location().map(ToString::to_string).unwrap_or_default();
@@ -206,15 +213,28 @@ fn execute(loaded: &Loaded) -> Result<(), String> {
             let _ = write!(std::io::stdout(), "{}", loaded.listing);
             return Ok(());
         }
-        Some(Verb::Health { .. }) => {}
-        None => start_log(settings)?,
+        Some(Verb::Health { .. }) | None => {}
     }
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build();
     let runtime = runtime.map_err(|error| format!("no threads for the daemon: {error}"))?;
+    let traces = match settings.otlp_endpoint.as_deref().filter(|_| serves) {
+        Some(endpoint) => {
+            let _inside = runtime.enter();
+            Some(traces::provider(endpoint)?)
+        }
+        None => None,
+    };
+    if serves {
+        start_log(settings, traces.as_ref())?;
+    }
     let outcome = match loaded.verb {
         Some(Verb::Health { probe, timeout }) => runtime.block_on(check_health(settings, probe, Duration::from_secs(timeout))),
         _ => runtime.block_on(run(settings)),
     };
+    // The last spans leave while the runtime still carries them.
+    if let Some(error) = traces.and_then(|traces| traces.shutdown().err()) {
+        tracing::warn!(%error, "the last traces were not sent");
+    }
     runtime.shutdown_timeout(if serves { LAST_CHECKPOINT } else { Duration::ZERO });
     outcome
 }

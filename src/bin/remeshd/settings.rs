@@ -57,6 +57,13 @@ fn at_least_one(text: &str) -> Result<NonZeroUsize, String> {
     NonZeroUsize::new(number).ok_or_else(|| "must be at least 1".to_owned())
 }
 
+fn collector(text: &str) -> Result<String, String> {
+    match text.strip_prefix("http://") {
+        Some(rest) if !rest.is_empty() && rest.chars().all(|c| c.is_ascii_graphic()) => Ok(text.to_owned()),
+        _ => Err("is not an address as http://127.0.0.1:4317; a collector behind TLS is reached through one on this machine".to_owned()),
+    }
+}
+
 /// What a health check asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Probe {
@@ -129,6 +136,9 @@ pub(crate) struct Settings {
     /// Megabytes that the data folder may take [default: what the disk has]
     #[arg(long, value_name = "MB", requires = "data_dir")]
     pub(crate) max_store_mb: Option<NonZeroUsize>,
+    /// Megabytes of the data folder that sessions and files of one client may take [default: no bound but --max-store-mb]
+    #[arg(long, value_name = "MB", requires = "data_dir")]
+    pub(crate) max_store_mb_per_client: Option<NonZeroUsize>,
     /// Minutes that an uploaded file stays in the data folder although no session uses it, and that a broken upload can be gone on with
     #[arg(long, value_name = "MINUTES", default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..=525_600))]
     pub(crate) upload_grace_minutes: u64,
@@ -138,6 +148,9 @@ pub(crate) struct Settings {
     /// Address and port for Prometheus metrics and health over HTTP (/metrics, /livez, /readyz), without authentication [default: none]
     #[arg(long, value_name = "ADDRESS")]
     pub(crate) metrics_listen: Option<SocketAddr>,
+    /// Collector that gets traces over OTLP (gRPC), as in http://127.0.0.1:4317; spans of calls with their stages [default: none]
+    #[arg(long, value_name = "URL", value_parser = collector)]
+    pub(crate) otlp_endpoint: Option<String>,
     /// Certificate chain (PEM); with it and --tls-key the daemon speaks TLS only. Files of certificates, tokens and keys are read again
     /// when they change, and on SIGHUP
     #[arg(long, value_name = "FILE", requires = "tls_key")]

@@ -5,6 +5,7 @@ mod connect;
 mod field;
 mod history;
 mod mesher;
+mod operations;
 mod patch;
 mod values;
 
@@ -12,6 +13,7 @@ pub(crate) use chart::{ChartAllArgs, ChartArgs, ChartOutput, ChartSpecArgs, Char
 pub(crate) use field::FieldArg;
 pub(crate) use history::{HistoryVerb, StepArgs, WatchArgs};
 pub(crate) use mesher::{MesherArgs, MesherName, MetricArgs};
+pub(crate) use operations::{OperationVerb, StartArgs};
 pub(crate) use patch::{PartitionArgs, PatchArgs, PatchVerb};
 #[cfg(test)]
 pub(crate) use values::PinArg;
@@ -106,6 +108,9 @@ pub(crate) enum Command {
     Rollback(RollbackArgs),
     #[command(flatten)]
     History(HistoryVerb),
+    /// Work that goes on without this program: start, list, show, wait, cancel, result
+    #[command(subcommand)]
+    Operations(OperationVerb),
     /// Tell version, limits and cache usage of the daemon
     Status,
 }

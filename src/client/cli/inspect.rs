@@ -111,6 +111,12 @@ pub(crate) async fn sample(context: &Context, args: &SampleArgs) -> Outcome<Repo
     Ok(Report { text, json })
 }
 
+fn store_line(cache: &v1::GetCacheUsageResponse) -> String {
+    let most = cache.store_capacity_bytes.map_or_else(|| "as much as the disk has".to_owned(), summary::size);
+    let text = cache.store_bytes.map_or_else(|| "none; all is in memory".to_owned(), |bytes| format!("{} of {most}", summary::size(bytes)));
+    summary::line("data folder", text)
+}
+
 pub(crate) async fn status(context: &Context) -> Outcome<Report> {
     let capabilities = context.client.capabilities().await?;
     let cache = context.client.cache_usage().await?;
@@ -138,6 +144,7 @@ pub(crate) async fn status(context: &Context) -> Outcome<Report> {
             "files",
             format!("{} uploaded, {} of {}", cache.blobs, summary::size(cache.blob_bytes), summary::size(limits.max_blob_store_bytes)),
         ),
+        store_line(&cache),
         summary::line(
             "limits",
             format!(
@@ -180,6 +187,7 @@ pub(crate) async fn status(context: &Context) -> Outcome<Report> {
             "blob_bytes": cache.blob_bytes,
             "blobs": cache.blobs,
         },
+        "store": cache.store_bytes.map(|bytes| json!({ "bytes": bytes, "capacity_bytes": cache.store_capacity_bytes })),
         "sessions": cache.sessions,
         "running": cache.running,
         "queued": cache.queued,

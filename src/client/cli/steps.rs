@@ -113,6 +113,11 @@ pub(crate) async fn remesh(context: &Context, args: &PatchesArgs) -> Outcome<Rep
     let result = context.client.remesh(&args.session.session, &args.patches, |progress| bar.progress(progress)).await?;
     drop(bar);
     result.warnings.iter().for_each(|warning| context.ui.warn(warning));
+    Ok(remesh_report(&result))
+}
+
+/// What came of a remesh.
+pub(crate) fn remesh_report(result: &v1::RemeshResult) -> Report {
     let mut text = summary::line("patches", summary::grouped(result.patches.len() as u64));
     if let Some(mesh) = &result.mesh {
         text += &summary::line("result", summary::mesh(mesh));
@@ -131,7 +136,7 @@ pub(crate) async fn remesh(context: &Context, args: &PatchesArgs) -> Outcome<Rep
         "quads": result.quads.as_ref().map(json::quads),
         "work": json::run(&result.summary),
     });
-    Ok(Report { text, json })
+    Report { text, json }
 }
 
 pub(crate) async fn plan(context: &Context, session: &str) -> Outcome<Report> {

@@ -1,5 +1,7 @@
 //! What is kept of one session, and what of it can go when a revision is added.
 
+use super::charges::{Step, file_of};
+use super::open::steps_of;
 use super::{Keeper, keys, stored_session};
 use crate::convert::stored::{PartId, Parts, parts};
 use crate::desk::Desk;
@@ -45,7 +47,7 @@ pub(crate) struct Entry<'a> {
 /// What changes in a ledger once a batch is on the disk.
 struct Written {
     current: Parts,
-    kept: Vec<PartId>,
+    kept: Vec<(PartId, u64)>,
     gone_parts: Vec<PartId>,
     gone_revisions: Vec<u64>,
     answer: Option<Vec<u8>>,
@@ -61,7 +63,7 @@ impl Ledger {
     /// changed.
     ///
     /// # Errors
-    /// `StoreFull`, `StoreFailed`.
+    /// `StoreFull`, `StoreFailed`, `LimitReached` for a client that has as much as it may.
     pub(crate) fn record(&mut self, keeper: &Keeper, id: &str, desk: &Desk, pending: &Pending, entry: Entry<'_>) -> Result<()> {
         if !keeper.is_on() {
             return Ok(());
@@ -75,7 +77,17 @@ impl Ledger {
         };
         let written = self.revision(&mut batch, id, desk, pending, &head, entry)?;
         batch.put(keys::head(id), head.encode_to_vec());
+        let step = Step {
+            revision: head.revision,
+            parts: written.kept.clone(),
+            file: file_of(&pending.next),
+            gone_parts: written.gone_parts.clone(),
+            gone_revisions: written.gone_revisions.clone(),
+        };
+        let bytes = step.parts.iter().map(|(_, bytes)| bytes).sum();
+        keeper.charges.admit(&desk.client, bytes, step.file.as_ref())?;
         keeper.commit(batch)?;
+        keeper.charges.charge(id, &desk.client, step);
         self.take(head.revision, written);
         Ok(())
     }
@@ -93,8 +105,8 @@ impl Ledger {
         let (current, fresh) = parts(&pending.next, desk.mesh_summary(&pending.next), self.current.as_ref())?;
         let mut kept = Vec::new();
         for (part, bytes) in fresh.into_iter().filter(|(part, _)| !self.kept.contains(part)) {
+            kept.push((part, bytes.len() as u64));
             batch.put(keys::part(id, &part), bytes);
-            kept.push(part);
         }
         let record = stored_revision(number, &current, &entry, Some(desk.feed.now().into()));
         batch.put(keys::revision(id, number), record.encode_to_vec());
@@ -125,7 +137,7 @@ impl Ledger {
 
     fn take(&mut self, revision: u64, written: Written) {
         let Written { current, kept, gone_parts, gone_revisions, answer } = written;
-        self.kept.extend(kept);
+        self.kept.extend(kept.into_iter().map(|(part, _)| part));
         self.kept.retain(|part| !gone_parts.contains(part));
         gone_revisions.iter().for_each(|number| drop(self.revisions.remove(number)));
         self.revisions.insert(revision, current.ids().collect());
@@ -164,6 +176,11 @@ impl Ledger {
             return Ok(());
         }
         let id = &session.id;
+        let steps = steps_of(whole, &session.past());
+        for step in &steps {
+            let bytes = step.parts.iter().map(|(_, bytes)| bytes).sum();
+            keeper.charges.admit(&desk.client, bytes, step.file.as_ref())?;
+        }
         let mut batch = Batch::default();
         batch.put(keys::session(id), stored_session(session, desk).encode_to_vec());
         batch.put(keys::head(id), whole.head.encode_to_vec());
@@ -174,6 +191,7 @@ impl Ledger {
             batch.put(keys::revision(id, revision.revision), revision.encode_to_vec());
         }
         keeper.commit(batch)?;
+        steps.into_iter().for_each(|step| keeper.charges.charge(id, &desk.client, step));
         self.kept = whole.parts.keys().copied().collect();
         self.revisions = whole.revisions.iter().map(|r| (r.revision, part_names(r))).collect();
         Ok(())

@@ -1,5 +1,6 @@
 //! Reading a data folder: sessions as they were when their last change was acknowledged. What cannot be read is told and left alone.
 
+use super::charges::{Charges, Step, file_of};
 use super::ledger::{Ledger, Whole, part_names};
 use super::{Keeper, Unreadable, guard, keys};
 use crate::answers::Answers;
@@ -103,6 +104,14 @@ pub(crate) fn rebuild(engine: &Engine, whole: &Whole) -> Result<(Past, Vec<(Arc<
     Ok((past, meshes.into_values().collect()))
 }
 
+/// What a whole session takes in the folder.
+pub(super) fn steps_of(whole: &Whole, past: &Past) -> Vec<Step> {
+    let states = past.history.iter().chain(&past.undo).chain(&past.redo);
+    let files = states.map(|state| Step { revision: state.revision.0, file: file_of(state), ..Step::default() });
+    let parts = whole.parts.iter().map(|(part, bytes)| (*part, bytes.len() as u64)).collect();
+    files.chain([Step { parts, ..Step::default() }]).collect()
+}
+
 fn time(stamp: Option<prost_types::Timestamp>) -> Option<SystemTime> {
     SystemTime::try_from(stamp?).ok()
 }
@@ -116,13 +125,14 @@ struct Opening<'a> {
 }
 
 impl Opening<'_> {
-    fn session(&self, id: &str, header: v1::StoredSession, records: Records) -> Result<(Session, Desk)> {
+    fn session(&self, id: &str, header: v1::StoredSession, records: Records, charges: &Charges) -> Result<(Session, Desk)> {
         let now = self.clock.now();
         let head = records.head.as_deref().map_or_else(|| Ok(v1::StoredHead::default()), |bytes| decoded(Some(bytes), "the head"))?;
         let revisions: Vec<v1::StoredRevision> =
             records.revisions.iter().map(|bytes| decoded(Some(bytes), "a revision")).collect::<Result<_>>()?;
         let whole = Whole { head, parts: records.parts, revisions };
         let (past, meshes) = rebuild(self.engine, &whole)?;
+        let steps = steps_of(&whole, &past);
         let created = time(header.create_time).unwrap_or(now);
         let used = time(header.use_time).unwrap_or(created);
         // The time without a daemon does not count.
@@ -135,10 +145,14 @@ impl Opening<'_> {
         let keys: VecDeque<Vec<u8>> = records.answers.into_iter().map(|(key, _)| key).collect();
         let ledger = Ledger::of(kept, whole.revisions.iter().map(|r| (r.revision, part_names(r))).collect(), keys);
         let owner = header.owner.map(Caller::named).unwrap_or_default();
-        // Where callers have no names their addresses are limited, which are not kept: such a session counts for nobody.
-        let client = owner.name().into();
+        // An older daemon did not write it.
+        let client: Arc<str> = if header.client.is_empty() { owner.name().into() } else { header.client.into() };
+        for step in steps {
+            charges.charge(id, &client, step);
+        }
         let desk = Desk::kept(header.display_name, owner, client, self.clock.clone(), Answers::of(answers), ledger);
         meshes.into_iter().for_each(|(snapshot, summary)| desk.note_mesh(&snapshot, summary));
+        desk.count_faces(&session.snapshot());
         Ok((session, desk))
     }
 }
@@ -181,7 +195,11 @@ impl Opened {
         }
         let alive = records.iter().find(|(key, _)| key == keys::ALIVE);
         let alive = alive.and_then(|(_, bytes)| time(prost_types::Timestamp::decode(bytes.as_slice()).ok()));
-        let mut opened = Opened { keeper: Keeper { store: Some(store), ..Keeper::default() }, desks: HashMap::new(), leftovers };
+        let mut opened = Opened {
+            keeper: Keeper { store: Some(store), charges: Charges::new(keeping.max_bytes_per_client), ..Keeper::default() },
+            desks: HashMap::new(),
+            leftovers,
+        };
         let opening = Opening { engine, clock, alive };
         for (id, records) in by_session(records) {
             opened.take(&opening, &id, records);
@@ -195,7 +213,7 @@ impl Opened {
     fn take(&mut self, opening: &Opening<'_>, id: &str, records: Records) {
         let header = decoded::<v1::StoredSession>(records.session.as_deref(), "the session");
         let owner = header.as_ref().ok().and_then(|header| header.owner.clone());
-        match header.and_then(|header| opening.session(id, header, records)) {
+        match header.and_then(|header| opening.session(id, header, records, &self.keeper.charges)) {
             Ok((session, desk)) => {
                 opening.engine.reopen_session(session);
                 self.desks.insert(id.to_owned(), Arc::new(desk));

@@ -66,6 +66,8 @@ fn usage(shared: &Shared) -> v1::GetCacheUsageResponse {
         sessions: saturated(shared.engine.sessions(shared.config.clock.now()).len()),
         running: saturated(shared.pool.running()),
         queued: saturated(shared.pool.queued()),
+        store_bytes: shared.keeper.is_on().then(|| shared.keeper.used_bytes()),
+        store_capacity_bytes: shared.config.keeping.as_ref().and_then(|keeping| keeping.max_bytes),
     }
 }
 

@@ -4,7 +4,7 @@ use super::partition::{check_patch, weight_of_layout};
 use super::patch_chart;
 use crate::answers::open_edit;
 use crate::convert::{charts, from_proto, to_proto};
-use crate::dispatch::{Call, Intent};
+use crate::dispatch::{Call, Intent, Weight};
 use crate::state::{Shared, Target};
 use crate::stream::{Chunks, Column, Watch};
 use remesh_engine::EngineError;
@@ -179,9 +179,9 @@ impl ChartService for ChartMaps {
         let revision = target.revision();
         let wrap = move |event| v1::ParametrizePatchesResponse { revision, event: Some(event) };
         let planned = target.clone();
-        let intent = call.weigh(move |shared, run| weight_of_layout(shared, run, &planned)).await;
+        let weight = Weight::planned(move |shared, run| weight_of_layout(shared, run, &planned));
         call.watch(
-            intent,
+            weight,
             move |progress| wrap(Event::Progress(progress)),
             move |result| wrap(Event::Result(result)),
             move |shared, run| parametrize(shared, run, &target, &request.patches),
@@ -195,8 +195,8 @@ impl ChartService for ChartMaps {
         let request = request.into_inner();
         let target = call.target(&request.session, request.expected_revision)?;
         let planned = target.clone();
-        let intent = call.weigh(move |shared, run| weight_of_layout(shared, run, &planned)).await;
-        call.bulk(intent, move |shared, run| read(shared, run, &target, &request)).await
+        let weight = Weight::planned(move |shared, run| weight_of_layout(shared, run, &planned));
+        call.bulk(weight, move |shared, run| read(shared, run, &target, &request)).await
     }
 
     async fn get_patch_chart(&self, request: Request<v1::GetPatchChartRequest>) -> Result<Response<v1::GetPatchChartResponse>, Status> {
@@ -204,8 +204,8 @@ impl ChartService for ChartMaps {
         let request = request.into_inner();
         let target = call.target(&request.session, request.expected_revision)?;
         let planned = target.clone();
-        let intent = call.weigh(move |shared, run| weight_of_layout(shared, run, &planned)).await;
-        call.compute(intent, move |shared, run| patch_chart::get(shared, run, &target, request.patch)).await
+        let weight = Weight::planned(move |shared, run| weight_of_layout(shared, run, &planned));
+        call.compute(weight, move |shared, run| patch_chart::get(shared, run, &target, request.patch)).await
     }
 
     async fn update_patch_chart(
@@ -217,8 +217,8 @@ impl ChartService for ChartMaps {
         let open = open_edit!(call, request);
         let target = call.target_of_edit(&request.session, request.base_revision, &open)?;
         let planned = target.clone();
-        let intent = call.weigh(move |shared, run| weight_of_layout(shared, run, &planned)).await;
-        call.compute(intent, move |shared, run| patch_chart::update(shared, run, &target, request, open)).await
+        let weight = Weight::planned(move |shared, run| weight_of_layout(shared, run, &planned));
+        call.compute(weight, move |shared, run| patch_chart::update(shared, run, &target, request, open)).await
     }
 
     async fn reset_patch_chart(
@@ -230,8 +230,8 @@ impl ChartService for ChartMaps {
         let open = open_edit!(call, request);
         let target = call.target_of_edit(&request.session, request.base_revision, &open)?;
         let planned = target.clone();
-        let intent = call.weigh(move |shared, run| weight_of_layout(shared, run, &planned)).await;
-        call.compute(intent, move |shared, run| patch_chart::reset(shared, run, &target, request.patch, open)).await
+        let weight = Weight::planned(move |shared, run| weight_of_layout(shared, run, &planned));
+        call.compute(weight, move |shared, run| patch_chart::reset(shared, run, &target, request.patch, open)).await
     }
 
     type PreviewPatchChartStream = Watch<v1::PreviewPatchChartResponse>;
@@ -245,8 +245,8 @@ impl ChartService for ChartMaps {
         let target = call.target(&request.session, request.expected_revision)?;
         // Previews follow a hand that drags: one patch at a time does not wait for long work, unless everything is still to be done.
         let planned = target.clone();
-        let intent = call.weigh(move |shared, run| weight_of_layout(shared, run, &planned)).await;
-        call.bulk(intent, move |shared, run| patch_chart::preview(shared, run, &target, request)).await
+        let weight = Weight::planned(move |shared, run| weight_of_layout(shared, run, &planned));
+        call.bulk(weight, move |shared, run| patch_chart::preview(shared, run, &target, request)).await
     }
 
     async fn plan_charts(&self, request: Request<v1::PlanChartsRequest>) -> Result<Response<v1::PlanChartsResponse>, Status> {

@@ -4,7 +4,7 @@ use super::upload::{missing, receive};
 use crate::answers::{Open, open_edit};
 use crate::convert::from_proto::{self, WhichMesh};
 use crate::convert::{sources, to_proto};
-use crate::dispatch::{Call, Intent};
+use crate::dispatch::{Call, Intent, Weight};
 use crate::state::{Shared, Target, blob_name};
 use crate::stream::{Chunks, Column, Watch, file_pieces};
 use remesh_engine::error::Result as EngineResult;
@@ -277,12 +277,19 @@ fn diagnose(shared: &Shared, run: &Run<'_>, target: &Target) -> EngineResult<v1:
 impl MeshService for Meshes {
     async fn upload_mesh(&self, request: Request<Streaming<v1::UploadMeshRequest>>) -> Result<Response<v1::UploadMeshResponse>, Status> {
         let call = Call::begin(&self.0, "UploadMesh", &request)?;
-        let upload = match receive(&self.0, call.caller(), request.into_inner()).await {
+        let upload = match receive(&self.0, call.caller(), call.client(), request.into_inner()).await {
             Ok(upload) => upload,
             Err(fault) => return call.finish(Err(fault)),
         };
         let bytes = upload.file.bytes();
-        let finish = move |shared: &Shared, _: &Run<'_>| Ok(upload.file.finish(shared, upload.expected.as_deref()));
+        let client = call.client().clone();
+        let finish = move |shared: &Shared, _: &Run<'_>| {
+            let finished = upload.file.finish(shared, upload.expected.as_deref());
+            if let Ok(blob) = &finished {
+                shared.keeper.charges.sent(&client, (blob.digest.clone(), bytes), shared.config.clock.now());
+            }
+            Ok(finished)
+        };
         let (call, stored) = call.on_pool(Intent::Short, finish).await;
         let response = stored.and_then(|finished| finished).map(|blob| v1::UploadMeshResponse { blob: blob_name(&blob.digest), bytes });
         call.finish(response)
@@ -310,8 +317,8 @@ impl MeshService for Meshes {
         let request = request.into_inner();
         let target = call.target(&request.session, request.expected_revision)?;
         let planned = target.clone();
-        let intent = call.weigh(move |shared, run| weight(shared, run, &planned, WhichMesh::Input)).await;
-        call.compute(intent, move |shared, run| diagnose(shared, run, &target)).await
+        let weight = Weight::planned(move |shared, run| weight(shared, run, &planned, WhichMesh::Input));
+        call.compute(weight, move |shared, run| diagnose(shared, run, &target)).await
     }
 
     type ExportMeshStream = Watch<v1::ExportMeshResponse>;
@@ -321,8 +328,8 @@ impl MeshService for Meshes {
         let request = request.into_inner();
         let target = call.target(&request.session, request.expected_revision)?;
         let (planned, source) = (target.clone(), request.source);
-        let intent = call.weigh(move |shared, run| weight(shared, run, &planned, from_proto::which_mesh(source)?)).await;
-        call.bulk(intent, move |shared, run| export(shared, run, &target, &request)).await
+        let weight = Weight::planned(move |shared, run| weight(shared, run, &planned, from_proto::which_mesh(source)?));
+        call.bulk(weight, move |shared, run| export(shared, run, &target, &request)).await
     }
 
     type ReadMeshDataStream = Watch<v1::ReadMeshDataResponse>;
@@ -332,7 +339,7 @@ impl MeshService for Meshes {
         let request = request.into_inner();
         let target = call.target(&request.session, request.expected_revision)?;
         let planned = (target.clone(), request.clone());
-        let intent = call.weigh(move |shared, run| weight_of_data(shared, run, &planned.0, &planned.1)).await;
-        call.bulk(intent, move |shared, run| read(shared, run, &target, &request)).await
+        let weight = Weight::planned(move |shared, run| weight_of_data(shared, run, &planned.0, &planned.1));
+        call.bulk(weight, move |shared, run| read(shared, run, &target, &request)).await
     }
 }

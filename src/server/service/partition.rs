@@ -3,13 +3,14 @@
 use super::patch_edit;
 use crate::answers::{Open, open_edit};
 use crate::convert::{from_proto, patches, to_proto};
-use crate::dispatch::{Call, Intent};
+use crate::dispatch::{Call, Intent, Weight};
 use crate::state::{Shared, Target};
 use crate::stream::{Chunks, Column, Watch};
 use remesh_engine::EngineError;
 use remesh_engine::error::{Reason, Result as EngineResult};
 use remesh_engine::partition::PatchRequest;
 use remesh_engine::pipeline::{self, Answer, Layout, Partitioned, Run};
+use remesh_engine::stage::Outcome;
 use remesh_proto::v1;
 use remesh_proto::v1::partition_service_server::PartitionService;
 use std::sync::Arc;
@@ -31,10 +32,17 @@ pub(crate) fn check_patch(layout: &Layout, patch: u32) -> EngineResult<usize> {
         .with_metadata("patches", count))
 }
 
-/// How dear the charts of a session are.
+/// How dear the charts of a session are. Those of a small surface are short work even if nothing of it is there yet: somebody takes a first look.
 pub(crate) fn weight_of_layout(shared: &Shared, run: &Run<'_>, target: &Target) -> EngineResult<Intent> {
-    Ok(Intent::of_plan(&pipeline::plan_charts(&shared.engine, &target.snapshot, run)?))
+    let records = pipeline::plan_charts(&shared.engine, &target.snapshot, run)?;
+    let to_run = records.iter().filter(|record| record.outcome == Outcome::Run);
+    let estimated: f64 = to_run.map(|record| record.milliseconds).sum();
+    Ok(if estimated <= FIRST_LOOK_MILLISECONDS { Intent::Short } else { Intent::of_plan(&records) })
 }
+
+/// A plan ends at the first stage whose input is not there, so that of a first look it tells the partition, but not the charts, which take about
+/// as long again.
+const FIRST_LOOK_MILLISECONDS: f64 = 100.0;
 
 fn partition(shared: &Shared, run: &Run<'_>, target: &Target, with_charts: bool) -> EngineResult<v1::PartitionResult> {
     let begin = Instant::now();
@@ -122,9 +130,9 @@ impl PartitionService for Partitions {
             let plan = if with_charts { pipeline::plan_charts } else { pipeline::plan_partition };
             Ok(Intent::of_plan(&plan(&shared.engine, &planned.snapshot, run)?))
         };
-        let intent = call.weigh(weigh).await;
+        let weight = Weight::planned(weigh);
         call.watch(
-            intent,
+            weight,
             move |progress| wrap(Event::Progress(progress)),
             move |result| wrap(Event::Result(result)),
             move |shared, run| partition(shared, run, &target, request.with_charts),
@@ -138,8 +146,8 @@ impl PartitionService for Partitions {
         let request = request.into_inner();
         let target = call.target(&request.session, request.expected_revision)?;
         let planned = target.clone();
-        let intent = call.weigh(move |shared, run| weight_of_layout(shared, run, &planned)).await;
-        call.bulk(intent, move |shared, run| read(shared, run, &target, &request)).await
+        let weight = Weight::planned(move |shared, run| weight_of_layout(shared, run, &planned));
+        call.bulk(weight, move |shared, run| read(shared, run, &target, &request)).await
     }
 
     async fn split_patch(&self, request: Request<v1::SplitPatchRequest>) -> Result<Response<v1::SplitPatchResponse>, Status> {

@@ -1,7 +1,7 @@
 //! `QualityService`: how good a mesh is, measured against another.
 
 use crate::convert::{from_proto, sources, to_proto};
-use crate::dispatch::{Call, Intent};
+use crate::dispatch::{Call, Intent, Weight};
 use crate::state::{Shared, Target};
 use remesh_engine::error::Result as EngineResult;
 use remesh_engine::pipeline::{self, Run};
@@ -48,8 +48,8 @@ impl QualityService for Qualities {
             let scope = from_proto::scope(request.scope, "scope")?;
             Ok(Intent::of_plan(&pipeline::plan_quality(&shared.engine, &planned.snapshot, scope, run)?))
         };
-        let intent = call.weigh(weigh).await;
-        call.compute(intent, move |shared, run| measure(shared, run, &target, request.scope)).await
+        let weight = Weight::planned(weigh);
+        call.compute(weight, move |shared, run| measure(shared, run, &target, request.scope)).await
     }
 
     async fn compare_meshes(&self, request: Request<v1::CompareMeshesRequest>) -> Result<Response<v1::CompareMeshesResponse>, Status> {

@@ -2,7 +2,7 @@
 
 use super::mesh::write;
 use crate::convert::{from_proto, meshers, sizes, sources, to_proto};
-use crate::dispatch::{Call, Intent};
+use crate::dispatch::{Call, Intent, Weight};
 use crate::state::{Shared, Target};
 use crate::stream::Watch;
 use remesh_engine::EngineError;
@@ -168,9 +168,9 @@ impl RemeshService for Remeshes {
         let wrap = move |event| v1::RemeshSurfaceResponse { revision, event: Some(event) };
         let (planned, listed) = (target.clone(), request.patches.clone());
         let weigh = move |shared: &Shared, run: &Run<'_>| Ok(Intent::of_plan(&plan_remesh(shared, run, &planned.snapshot, &listed)?));
-        let intent = call.weigh(weigh).await;
+        let weight = Weight::planned(weigh);
         call.watch(
-            intent,
+            weight,
             move |progress| wrap(Event::Progress(progress)),
             move |result| wrap(Event::Result(result)),
             move |shared, run| match request.patches.as_slice() {

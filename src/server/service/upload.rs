@@ -325,7 +325,12 @@ fn gone() -> Fault {
 }
 
 /// Reads all chunks. Memory follows what arrives, never what is announced, and is bounded where there is a data folder.
-pub(crate) async fn receive(shared: &Arc<Shared>, caller: &Caller, mut stream: Streaming<v1::UploadMeshRequest>) -> Result<Upload, Fault> {
+pub(crate) async fn receive(
+    shared: &Arc<Shared>,
+    caller: &Caller,
+    client: &str,
+    mut stream: Streaming<v1::UploadMeshRequest>,
+) -> Result<Upload, Fault> {
     let first = next_message(&mut stream, shared.config.upload_idle).await?.unwrap_or_default();
     let limit = shared.config.engine.max_blob_bytes;
     let (announced, offset) = (first.total_bytes, first.offset);
@@ -346,7 +351,7 @@ pub(crate) async fn receive(shared: &Arc<Shared>, caller: &Caller, mut stream: S
     let refused = Arc::new(AtomicBool::new(false));
     let (writer_shared, writer_refused) = (shared.clone(), refused.clone());
     let writer = tokio::task::spawn_blocking(move || write_all(&writer_shared, ticket.as_ref(), &writer_refused, staged, pieces));
-    let passing = Passing { shared, limit, announced, queue };
+    let passing = Passing { shared, client, limit, announced, queue };
     match passing.all(stream, first).await {
         Ok(Some(file)) => Ok(Upload { file, expected }),
         // The thread ended early, and says why.
@@ -363,6 +368,7 @@ pub(crate) async fn receive(shared: &Arc<Shared>, caller: &Caller, mut stream: S
 /// Chunks on their way to the thread that writes them.
 struct Passing<'a> {
     shared: &'a Shared,
+    client: &'a str,
     limit: usize,
     announced: Option<u64>,
     queue: mpsc::Sender<Piece>,
@@ -407,6 +413,7 @@ impl Passing<'_> {
         if total > self.limit as u64 {
             return Err(too_large(total, self.limit));
         }
+        self.shared.keeper.charges.admit(self.client, self.announced.unwrap_or(total).max(total), None)?;
         self.shared.metrics.uploaded(chunk);
         Ok(())
     }

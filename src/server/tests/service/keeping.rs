@@ -11,7 +11,7 @@ use tonic::Code;
 use tonic_types::StatusExt;
 
 fn with_folder(folder: &Path) -> ServerConfig {
-    let keeping = Keeping { folder: folder.to_owned(), max_bytes: None, blob_grace: Duration::from_secs(60) };
+    let keeping = Keeping { folder: folder.to_owned(), max_bytes: None, max_bytes_per_client: None, blob_grace: Duration::from_secs(60) };
     ServerConfig { keeping: Some(keeping), sweep_interval: Duration::from_millis(20), ..small_config() }
 }
 
@@ -155,4 +155,53 @@ async fn a_session_that_cannot_be_opened_keeps_no_other_from_it() {
     assert_eq!((whole.revision, whole.mesh.is_some()), (2, true));
     daemon.sessions().delete_session(v1::DeleteSessionRequest { name: broken.clone() }).await.expect("deleted");
     assert_refused(daemon.sessions().get_session(get(&broken)).await, Code::NotFound, "SESSION_NOT_FOUND");
+}
+
+#[tokio::test]
+async fn a_file_that_is_gone_from_the_folder_is_an_error_of_the_store() {
+    let folder = tempfile::tempdir().expect("folder");
+    let mut config = with_folder(folder.path());
+    config.engine.cache_bytes = 0;
+    let daemon = Daemon::start(config).await;
+    let mesh = b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+    let (used, session) = (upload(&daemon, mesh).await, daemon.session().await);
+    daemon.import(&session, v1::import_mesh_request::Source::Blob(used)).await.expect("import");
+    std::fs::remove_file(folder.path().join("blobs").join(digest(mesh))).expect("there");
+    let request = v1::DiagnoseMeshRequest { session, ..Default::default() };
+    let refused = assert_refused(daemon.meshes().diagnose_mesh(request).await, Code::Internal, "STORE_FAILED");
+    assert!(!refused.message().contains("blobs"), "no paths of the server: {}", refused.message());
+}
+
+#[tokio::test]
+async fn sessions_of_before_a_restart_count_for_their_client() {
+    let folder = tempfile::tempdir().expect("folder");
+    let config = || ServerConfig { max_sessions_per_client: 2, max_open_faces_per_client: 400, ..with_folder(folder.path()) };
+    let mut daemon = Daemon::start(config()).await;
+    daemon.tube(200, 100).await;
+    let _ = daemon.stop.take().map(|stop| stop.send(()));
+    drop(daemon.channel);
+    daemon.served.await.expect("no panic").expect("ends well");
+    let daemon = Daemon::start(config()).await;
+    let second = daemon.session().await;
+    let third = daemon.sessions().create_session(v1::CreateSessionRequest::default()).await;
+    assert_refused(third, Code::ResourceExhausted, "LIMIT_REACHED");
+    assert_refused(daemon.import(&second, crate::harness::tube(300)).await, Code::ResourceExhausted, "LIMIT_REACHED");
+    daemon.import(&second, crate::harness::tube(100)).await.expect("few enough");
+}
+
+#[tokio::test]
+async fn one_client_cannot_fill_the_folder() {
+    let folder = tempfile::tempdir().expect("folder");
+    let mut config = with_folder(folder.path());
+    config.keeping.as_mut().expect("folder").max_bytes_per_client = Some(100_000);
+    let daemon = Daemon::start(config).await;
+    let big = file(80_000);
+    upload(&daemon, &big).await;
+    let other = file(30_000);
+    let refused = daemon.meshes().upload_mesh(tokio_stream::iter([first(&other, 0, other.len())])).await;
+    let status = assert_refused(refused, Code::ResourceExhausted, "LIMIT_REACHED");
+    let limit = status.get_details_error_info().and_then(|info| info.metadata.get("limit").cloned());
+    assert_eq!(limit.as_deref(), Some("max_store_mb_per_client"));
+    assert_eq!(missing(&daemon, &digest(&other)).await, Some(0));
+    daemon.tube(200, 100).await;
 }
