@@ -1651,7 +1651,8 @@ pub struct MesherSpec {
     /// What the anisotropic mesher follows; for it only.
     #[prost(message, optional, tag = "3")]
     pub metric: ::core::option::Option<MetricSpec>,
-    /// With MESHER_KIND_QUADS: no triangle is left (single edges of curves may be split in two for that, none that is locked).
+    /// With MESHER_KIND_QUADS: no triangle is left (single edges of curves may be split in two for that, none that is locked), but where a part
+    /// between curves is too narrow or all its edges are locked; a warning tells of these.
     /// Not set or false: a few triangles may stay. An error with other meshers.
     #[prost(bool, tag = "4")]
     pub all_quads: bool,

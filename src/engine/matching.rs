@@ -1,4 +1,4 @@
-//! Minimum-cost matching in general graphs: Edmonds' primal-dual blossom method, one alternating tree at a time, near-linear on
+//! Minimum-cost matching in general graphs: Edmonds' primal-dual blossom method, near-linear on
 //! sparse graphs such as the dual graph of a triangulation.
 
 mod blossom;
@@ -44,7 +44,7 @@ const MAX_VERTICES: u32 = 1 << 30;
 
 /// Finds a matching that minimises the costs of its edges and single vertices together. Exact (integers throughout) and deterministic.
 ///
-/// Method: Edmonds (1965) in the form of Galil (1986): trees grow from one unmatched vertex after the other, the dual
+/// Method: Edmonds (1965) in the form of Galil (1986): trees grow from all unmatched vertices at once, the dual
 /// variables of a tree change lazily with one clock, events wait in a heap. A search stays in the part of the graph it needs; after the
 /// greedy start these parts shrink with the number of vertices still unmatched, so that dual graphs of
 /// triangulations take near-linear time (50,000 triangles: see `docs/quads.md`). Worst case O(n m log n), reached by graphs most of whose

@@ -108,8 +108,8 @@ pub enum Interiors {
 
 /// Optimises. Keeps topology, corners, and curves as curves; never flips a face against the input's normal; deterministic.
 ///
-/// Free vertices end on the input, off its boundary, or where the fit asks for it beside it (a few may be lifted off by up to 0.1 of the local
-/// size where two sheets would otherwise cross). Curve vertices slide or go only where their curve moves by at most 0.04 of the local size, 0.085 where a needle vanishes;
+/// Free vertices end on the input ([`SurfaceFit::Vertices`]) or at most 0.08 of the local size off it ([`SurfaceFit::Faces`]), off its boundary (a
+/// few may be lifted by up to 0.1 of the local size where two sheets would otherwise cross). Curve vertices slide or go only where their curve moves by at most 0.04 of the local size, 0.085 where a needle vanishes;
 /// sharp turns fainter than that, off the boundary, do not count as corners; the boundary moves by at most 0.01 of it a step. Crests
 /// and tips of the input missed by more than 0.25 % of its diagonal (0.12 to 0.25 of the local size) get a vertex where one fits.
 /// Near-linear. Not guaranteed: that every face reaches

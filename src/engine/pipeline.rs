@@ -262,7 +262,7 @@ impl Remesh {
         let single = self.result.mesh.triangles.len() as u64 - 2 * u64::from(self.result.quads);
         if single > 0 && snapshot.mesher == Mesher::Quads(QuadKind::All) {
             warnings.push(format!(
-                "{single} triangles are left: a part between curves is too narrow for quadrangles only, or all its edges are locked"
+                "triangles are left ({single}): a part between curves is too narrow for quadrangles only, or all its edges are locked"
             ));
         }
         let asked = match &snapshot.size {

@@ -139,7 +139,8 @@ pub enum QuadKind {
     /// They stay: the result has quadrangles and a few triangles.
     #[default]
     Mixed,
-    /// None is left: the matching is perfect, after single edges of curves were split where a part between curves has an odd number.
+    /// None is left, but where a part between curves is too narrow or all its edges are locked: the matching is perfect, after single edges
+    /// of curves were split where a part between curves has an odd number.
     All,
 }
 

@@ -59,11 +59,11 @@ pub fn make_quads(input: QuadInput<'_>, base: &Remeshed, sizes: &SizeField, kind
     let surface = Input::new(input.mesh, Tree::Made(input.tree), sizes);
     let mut mesh = from_triangles(&input, base)?;
     if kind == QuadKind::All {
-        parity::make_even(&mut mesh, &input, |v, below| is_locked(input.mesh, sizes, v, below))?;
+        parity::make_even(&mut mesh, &input, |v, below| is_locked(input.mesh, sizes, v, below), work)?;
     }
     align(&mut mesh, &surface, work)?;
     if kind == QuadKind::All {
-        parity::loosen(&mut mesh, &surface);
+        parity::loosen(&mut mesh, &surface, work)?;
     }
     work.step(1, 4)?;
     recombine::recombine(&mut mesh, kind, work)?;

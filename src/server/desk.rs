@@ -95,9 +95,13 @@ impl Desk {
         }
     }
 
-    /// Counts the faces of the surface of what is the current revision now.
+    /// Counts the faces of the surface of what is the current revision now; of one whose numbers are forgotten those of the surface before stay.
     pub(crate) fn count_faces(&self, current: &Snapshot) {
-        self.faces.store(self.mesh_summary(current).map_or(0, |mesh| mesh.faces), Ordering::Relaxed);
+        match self.mesh_summary(current) {
+            Some(mesh) => self.faces.store(mesh.faces, Ordering::Relaxed),
+            None if current.source.is_none() => self.faces.store(0, Ordering::Relaxed),
+            None => {}
+        }
     }
 
     /// The numbers of the mesh of a snapshot.

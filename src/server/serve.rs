@@ -198,7 +198,11 @@ impl Service<Uri> for PipeConnector {
 
 /// What is done from time to time.
 async fn sweep(shared: Arc<Shared>) {
-    let every = |interval: Duration| tokio::time::interval(interval.max(Duration::from_millis(1)));
+    // Not at once: nothing has grown old yet.
+    let every = |interval: Duration| {
+        let interval = interval.max(Duration::from_millis(1));
+        tokio::time::interval_at(tokio::time::Instant::now() + interval, interval)
+    };
     let (mut sweeps, mut reloads) = (every(shared.config.sweep_interval), every(shared.config.reload_interval));
     loop {
         tokio::select! {

@@ -22,6 +22,11 @@ pub(crate) mod exit {
 const REFUSALS: [&str; 7] =
     ["NON_MANIFOLD_EDGE", "NON_MANIFOLD_VERTEX", "NOT_ORIENTABLE", "SELF_INTERSECTION", "NON_FINITE", "INDEX_OUT_OF_RANGE", "EMPTY_MESH"];
 
+/// Exit code of work that failed for a reason.
+pub(crate) fn exit_of_reason(reason: &str) -> u8 {
+    if REFUSALS.contains(&reason) { exit::REFUSED } else { exit::FAILED }
+}
+
 /// Why a command did not succeed.
 #[derive(Debug)]
 pub(crate) enum Failure {
@@ -65,10 +70,10 @@ impl Failure {
             Failure::Usage(_) => exit::USAGE,
             Failure::Client(ClientError::Unreachable { .. }) => exit::UNREACHABLE,
             Failure::Client(ClientError::BadEndpoint { .. }) => exit::USAGE,
-            Failure::Client(error) if error.reason().is_some_and(|reason| REFUSALS.contains(&reason)) => exit::REFUSED,
+            Failure::Client(error) => error.reason().map_or(exit::FAILED, exit_of_reason),
             Failure::Refused { .. } => exit::REFUSED,
             Failure::Interrupted => exit::INTERRUPTED,
-            Failure::Client(_) | Failure::File { .. } | Failure::Other(_) => exit::FAILED,
+            Failure::File { .. } | Failure::Other(_) => exit::FAILED,
         }
     }
 }

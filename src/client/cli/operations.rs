@@ -2,7 +2,7 @@
 
 use super::args::{OperationVerb, StartArgs};
 use super::context::Context;
-use super::failure::{Outcome, exit};
+use super::failure::{Failure, Outcome, exit, exit_of_reason};
 use super::ui::Report;
 use super::{json, steps, summary};
 use crate::v1;
@@ -37,7 +37,7 @@ pub(crate) async fn verb(context: &Context, verb: &OperationVerb) -> Outcome<(Re
             let operation = client.wait(&name.name).await?;
             Ok((Report { text: line(&operation), json: state(&operation) }, code(&operation)))
         }
-        OperationVerb::Result(name) => Ok(result(&client.operation(&name.name).await?)),
+        OperationVerb::Result(name) => result(context, &client.operation(&name.name).await?),
     }
 }
 
@@ -74,15 +74,27 @@ fn state(operation: &v1::Operation) -> serde_json::Value {
 }
 
 fn code(operation: &v1::Operation) -> u8 {
-    if operation.state() == v1::OperationState::Succeeded { 0 } else { exit::FAILED }
+    match &operation.outcome {
+        Some(Ended::Error(error)) => exit_of_reason(&error.reason),
+        _ if operation.state() == v1::OperationState::Succeeded => 0,
+        _ => exit::FAILED,
+    }
 }
 
 /// What came of an operation, as the call that does the same at once tells it.
-fn result(operation: &v1::Operation) -> (Report, u8) {
+fn result(context: &Context, operation: &v1::Operation) -> Outcome<(Report, u8)> {
     let report = match &operation.outcome {
-        Some(Ended::Remesh(result)) => steps::remesh_report(result),
+        Some(Ended::Remesh(result)) => {
+            result.warnings.iter().for_each(|warning| context.ui.warn(warning));
+            steps::remesh_report(result)
+        }
         Some(Ended::Quality(report)) => Report { text: summary::quality(report), json: json::quality(report) },
-        Some(Ended::Error(_)) | None => Report { text: line(operation), json: state(operation) },
+        Some(Ended::Error(_)) => Report { text: line(operation), json: state(operation) },
+        None if operation.state() == v1::OperationState::Running => {
+            let message = format!("{} has no result yet; wait for it with `remesh operations wait`", operation.name);
+            return Err(Failure::Other(message));
+        }
+        None => Report { text: line(operation), json: state(operation) },
     };
-    (report, code(operation))
+    Ok((report, code(operation)))
 }

@@ -45,7 +45,7 @@ struct Measured<'s, 'a> {
     tensors: Vec<Tensor>,
 }
 
-/// Optimises under a metric. Keeps topology, corners and all curve vertices; free vertices end on the input, or where the fit asks for it beside it.
+/// Optimises under a metric. Keeps topology, corners and all curve vertices; free vertices end as there.
 ///
 /// # Errors
 /// Those of [`super::optimize_surface`].

@@ -17,7 +17,7 @@ pub(super) struct Fitted {
 /// Moves every free vertex along the normal of its star by the mean distance, with its sign, between the middles of its edges and the input.
 /// On a smooth surface that is the mean over its faces, for a parabola meets a chord's middle at the mean distance of the surface from the
 /// triangles around; what remains has about half the root mean square, and a volume right to the next order. Vertices stay where that would
-/// fold a face or make one worse that is below `target`. Returns what has moved, by vertex. Linear.
+/// fold a face, or bring the worst face around them below `target` (lower, if it is below already). Returns what has moved, by vertex. Linear.
 pub(super) fn fit(state: &mut State<'_>, target: f64, work: &Work<'_>) -> Result<Vec<Fitted>> {
     let slots = state.mesh.vertex_slots();
     let mut offset = vec![[0.0; 3]; slots as usize];
@@ -44,6 +44,9 @@ pub(super) fn fit(state: &mut State<'_>, target: f64, work: &Work<'_>) -> Result
     }
     let mut fitted = Vec::new();
     for v in 0..slots {
+        if v.is_multiple_of(1024) {
+            work.check()?;
+        }
         if !state.mesh.is_vertex(v) || !state.is_free(v) || edges[v as usize] == 0 {
             continue;
         }

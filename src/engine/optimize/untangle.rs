@@ -50,8 +50,8 @@ impl Nearby {
     }
 }
 
-/// Repairs; returns the number of faces that still intersect others (the input may intersect itself). Where vertices were `fitted`
-/// that is undone first. After the first round only what repairs have changed is looked at again.
+/// Repairs; returns the number of faces that still intersect others (the input may intersect itself). At intersecting faces the
+/// fit is undone first. After the first round only what repairs have changed is looked at again.
 pub(super) fn untangle(state: &mut State<'_>, fitted: &[Fitted], work: &Work<'_>) -> Result<usize> {
     work.check()?;
     let nearby = Nearby::new(&state.mesh);

@@ -211,7 +211,8 @@ impl Cleaner<'_, '_> {
     }
 
     /// A quadrangle with a flat corner on a curve and the one beyond an opposite side become three around a new vertex that is joined to
-    /// the corner; where that makes the next corner flat, four around two new vertices.
+    /// the corner; where that makes the next corner flat, four around two new vertices. Their shapes may be worse for now: no other step opens
+    /// such a corner, and vertices move afterwards.
     fn unpin(&mut self, f: u32) -> bool {
         let q = self.mesh.faces[f as usize];
         let Some(k) = (0..4).find(|&k| self.mesh.is_flat_at(&q, k)) else { return false };

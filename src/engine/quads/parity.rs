@@ -7,6 +7,7 @@ use crate::error::Result;
 use crate::optimize::input::{Input, middle};
 use crate::topology::Topology;
 use crate::vector::{Vec3, distance, lerp};
+use crate::work::Work;
 use std::collections::VecDeque;
 
 /// What the length of an edge counts where a face at it has all corners on curves.
@@ -17,15 +18,18 @@ const NARROW: f64 = 0.25;
 /// their position and the face of the input below.
 ///
 /// The number of triangles of a part and that of the edges around it are both even or both odd, whatever is done inside later.
-pub(super) fn make_even(mesh: &mut Mixed, input: &QuadInput<'_>, stays: impl Fn(Vec3, u32) -> bool) -> Result<()> {
+pub(super) fn make_even(mesh: &mut Mixed, input: &QuadInput<'_>, stays: impl Fn(Vec3, u32) -> bool, work: &Work<'_>) -> Result<()> {
+    work.check()?;
     let triangles: Vec<[u32; 3]> = mesh.faces.iter().map(|f| [f[0], f[1], f[2]]).collect();
     let topology = Topology::build(&triangles, mesh.position.len())?;
+    work.check()?;
     let edges = Parts::new(mesh, &topology).edges_to_split(mesh, &topology, |v| stays(mesh.position[v as usize], mesh.below[v as usize]));
     if edges.is_empty() {
         return Ok(());
     }
     let segments: Vec<[u32; 3]> = input.curves.iter().map(|&[a, b]| [a, b, b]).collect();
     let curves = TriangleBvh::build(&input.mesh.positions, &segments);
+    work.check()?;
     let mut gone = Vec::new();
     let mut halves = Vec::new();
     for h in edges {
@@ -42,8 +46,11 @@ pub(super) fn make_even(mesh: &mut Mixed, input: &QuadInput<'_>, stays: impl Fn(
 
 /// Puts a vertex into every triangle that every possible partner would make a quadrangle with a flat corner on a curve of: those in the
 /// middle of a fan of triangles that stand on a curve. Adds two triangles each time, so that parts stay even.
-pub(super) fn loosen(mesh: &mut Mixed, surface: &Input<'_>) {
+pub(super) fn loosen(mesh: &mut Mixed, surface: &Input<'_>, work: &Work<'_>) -> Result<()> {
     for f in 0..mesh.faces.len() as u32 {
+        if f.is_multiple_of(1024) {
+            work.check()?;
+        }
         if !is_stuck(mesh, f) {
             continue;
         }
@@ -63,6 +70,7 @@ pub(super) fn loosen(mesh: &mut Mixed, surface: &Input<'_>) {
             corners[..3].iter().for_each(|&v| mesh.around[v as usize].push(g));
         }
     }
+    Ok(())
 }
 
 fn is_stuck(mesh: &Mixed, f: u32) -> bool {

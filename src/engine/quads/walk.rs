@@ -14,7 +14,7 @@ const REACH: u32 = 2;
 const LEAST: f64 = 0.1;
 
 /// Joins triangles in pairs through quadrangles, none of another region or beyond a curve: near ones only, or all, whatever the shapes
-/// on the way.
+/// on the way. Each search ends at the nearest triangle; one that finds none goes through its whole part.
 pub(super) fn join_triangles(mesh: &mut Mixed, input: &Input<'_>, kind: QuadKind, work: &Work<'_>) -> Result<()> {
     let (reach, least) = match kind {
         QuadKind::Mixed => (REACH, LEAST),
@@ -28,7 +28,7 @@ pub(super) fn join_triangles(mesh: &mut Mixed, input: &Input<'_>, kind: QuadKind
         }
         if mesh.is_face(f)
             && !mesh.is_quad(f)
-            && let Some(way) = way_to_triangle(mesh, f, reach, &mut seen)
+            && let Some(way) = way_to_triangle(mesh, f, reach, &mut seen, work)?
         {
             walk(mesh, &way, input, least);
         }
@@ -37,10 +37,15 @@ pub(super) fn join_triangles(mesh: &mut Mixed, input: &Input<'_>, kind: QuadKind
 }
 
 /// The faces from triangle `f` to the nearest other one, both included.
-fn way_to_triangle(mesh: &Mixed, f: u32, reach: u32, seen: &mut [(u32, u32)]) -> Option<Vec<u32>> {
+fn way_to_triangle(mesh: &Mixed, f: u32, reach: u32, seen: &mut [(u32, u32)], work: &Work<'_>) -> Result<Option<Vec<u32>>> {
+    let mut popped = 0u32;
     let mut queue = VecDeque::from([(f, 0)]);
     seen[f as usize] = (f, NONE);
     while let Some((at, steps)) = queue.pop_front() {
+        popped += 1;
+        if popped.is_multiple_of(1024) {
+            work.check()?;
+        }
         let corners = mesh.corners(at);
         for k in 0..corners.len() {
             let (a, b) = (corners[k], corners[(k + 1) % corners.len()]);
@@ -55,14 +60,14 @@ fn way_to_triangle(mesh: &Mixed, f: u32, reach: u32, seen: &mut [(u32, u32)]) ->
                     way.push(from);
                 }
                 way.reverse();
-                return Some(way);
+                return Ok(Some(way));
             }
             if steps < reach {
                 queue.push_back((g, steps + 1));
             }
         }
     }
-    None
+    Ok(None)
 }
 
 /// Moves the triangle at the start of a way to its end, as far as pentagons have five corners.

@@ -63,11 +63,12 @@ impl Charges {
         self.table.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether a client may have so many bytes and this file more.
+    /// Whether a client may have so many bytes and these files more. Reserves nothing: what comes in at the same time may exceed the bound
+    /// together, once.
     ///
     /// # Errors
     /// [`Reason::LimitReached`].
-    pub(crate) fn admit(&self, client: &str, bytes: u64, file: Option<&File>) -> Result<()> {
+    pub(crate) fn admit<'a>(&self, client: &str, bytes: u64, new: impl IntoIterator<Item = &'a File>) -> Result<()> {
         let Some(most) = self.most else { return Ok(()) };
         let table = self.table();
         let (mut used, mut files) = (0, HashMap::new());
@@ -77,9 +78,10 @@ impl Charges {
         }
         let sent = table.sent.iter().filter(|((other, _), _)| &**other == client);
         files.extend(sent.map(|((_, digest), (bytes, _))| (digest.as_str(), *bytes)));
-        let new_file = file.filter(|(digest, _)| !files.contains_key(digest.as_str())).map_or(0, |(_, bytes)| *bytes);
+        let new: BTreeMap<&str, u64> = new.into_iter().map(|(digest, bytes)| (digest.as_str(), *bytes)).collect();
+        let new_files = new.iter().filter(|(digest, _)| !files.contains_key(*digest)).map(|(_, bytes)| bytes);
+        let more = new_files.fold(bytes, |sum, bytes| sum.saturating_add(*bytes));
         used += files.values().sum::<u64>();
-        let more = bytes.saturating_add(new_file);
         if used.saturating_add(more) <= most || more == 0 {
             return Ok(());
         }

@@ -68,7 +68,6 @@ impl Ledger {
         if !keeper.is_on() {
             return Ok(());
         }
-        keep_source(keeper, &pending.next)?;
         let mut batch = Batch::default();
         let head = v1::StoredHead {
             revision: pending.next.revision.0,
@@ -85,7 +84,9 @@ impl Ledger {
             gone_revisions: written.gone_revisions.clone(),
         };
         let bytes = step.parts.iter().map(|(_, bytes)| bytes).sum();
-        keeper.charges.admit(&desk.client, bytes, step.file.as_ref())?;
+        keeper.charges.admit(&desk.client, bytes, step.file.iter())?;
+        // Only now: a refused change leaves no file behind.
+        keep_source(keeper, &pending.next)?;
         keeper.commit(batch)?;
         keeper.charges.charge(id, &desk.client, step);
         self.take(head.revision, written);
@@ -170,17 +171,15 @@ impl Ledger {
     /// Writes a whole session that was not kept before.
     ///
     /// # Errors
-    /// `StoreFull`, `StoreFailed`.
+    /// Those of [`Ledger::record`].
     pub(crate) fn record_all(&mut self, keeper: &Keeper, session: &Session, desk: &Desk, whole: &Whole) -> Result<()> {
         if !keeper.is_on() {
             return Ok(());
         }
         let id = &session.id;
         let steps = steps_of(whole, &session.past());
-        for step in &steps {
-            let bytes = step.parts.iter().map(|(_, bytes)| bytes).sum();
-            keeper.charges.admit(&desk.client, bytes, step.file.as_ref())?;
-        }
+        let bytes = steps.iter().flat_map(|step| &step.parts).map(|(_, bytes)| bytes).sum();
+        keeper.charges.admit(&desk.client, bytes, steps.iter().filter_map(|step| step.file.as_ref()))?;
         let mut batch = Batch::default();
         batch.put(keys::session(id), stored_session(session, desk).encode_to_vec());
         batch.put(keys::head(id), whole.head.encode_to_vec());

@@ -351,7 +351,7 @@ pub(crate) async fn receive(
     let refused = Arc::new(AtomicBool::new(false));
     let (writer_shared, writer_refused) = (shared.clone(), refused.clone());
     let writer = tokio::task::spawn_blocking(move || write_all(&writer_shared, ticket.as_ref(), &writer_refused, staged, pieces));
-    let passing = Passing { shared, client, limit, announced, queue };
+    let passing = Passing { shared, client, limit, announced, expected: expected.clone(), queue };
     match passing.all(stream, first).await {
         Ok(Some(file)) => Ok(Upload { file, expected }),
         // The thread ended early, and says why.
@@ -371,6 +371,7 @@ struct Passing<'a> {
     client: &'a str,
     limit: usize,
     announced: Option<u64>,
+    expected: Option<String>,
     queue: mpsc::Sender<Piece>,
 }
 
@@ -413,7 +414,12 @@ impl Passing<'_> {
         if total > self.limit as u64 {
             return Err(too_large(total, self.limit));
         }
-        self.shared.keeper.charges.admit(self.client, self.announced.unwrap_or(total).max(total), None)?;
+        let bytes = self.announced.unwrap_or(total).max(total);
+        match &self.expected {
+            // One that the client has already takes no more.
+            Some(digest) => self.shared.keeper.charges.admit(self.client, 0, [&(digest.clone(), bytes)])?,
+            None => self.shared.keeper.charges.admit(self.client, bytes, [])?,
+        }
         self.shared.metrics.uploaded(chunk);
         Ok(())
     }

@@ -25,7 +25,7 @@ pub(crate) struct MesherArgs {
     /// Least angle for `--mesher delaunay`, at most 33 [default: 28]
     #[arg(long, value_name = "DEGREES", allow_negative_numbers = true)]
     pub(crate) min_angle: Option<f64>,
-    /// With `--mesher quads`: no triangle is left
+    /// With `--mesher quads`: no triangle is left, but in parts between curves that are too narrow; a warning tells of them
     #[arg(long)]
     pub(crate) all_quads: bool,
     #[command(flatten)]

@@ -158,18 +158,17 @@ async fn a_session_that_cannot_be_opened_keeps_no_other_from_it() {
 }
 
 #[tokio::test]
-async fn a_file_that_is_gone_from_the_folder_is_an_error_of_the_store() {
+async fn a_folder_that_cannot_be_written_to_is_an_error_of_the_store() {
     let folder = tempfile::tempdir().expect("folder");
-    let mut config = with_folder(folder.path());
-    config.engine.cache_bytes = 0;
-    let daemon = Daemon::start(config).await;
-    let mesh = b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
-    let (used, session) = (upload(&daemon, mesh).await, daemon.session().await);
-    daemon.import(&session, v1::import_mesh_request::Source::Blob(used)).await.expect("import");
-    std::fs::remove_file(folder.path().join("blobs").join(digest(mesh))).expect("there");
-    let request = v1::DiagnoseMeshRequest { session, ..Default::default() };
-    let refused = assert_refused(daemon.meshes().diagnose_mesh(request).await, Code::Internal, "STORE_FAILED");
-    assert!(!refused.message().contains("blobs"), "no paths of the server: {}", refused.message());
+    let daemon = Daemon::start(with_folder(folder.path())).await;
+    let session = daemon.session().await;
+    std::fs::remove_dir_all(folder.path().join("incoming")).expect("there");
+    let mesh = file(5000);
+    let refused = daemon.meshes().upload_mesh(tokio_stream::iter([first(&mesh, 0, mesh.len())])).await;
+    let status = assert_refused(refused, Code::Internal, "STORE_FAILED");
+    let path = folder.path().display().to_string();
+    assert!(!status.message().contains(&path), "no paths of the server: {}", status.message());
+    daemon.change(&session, None, crate::harness::size_of_count(100)).await.expect("what needs no file goes on");
 }
 
 #[tokio::test]

@@ -101,7 +101,7 @@ async fn faces_of_open_sessions_are_limited_together_and_given_back() {
     // An import that fails after it was read reserves nothing.
     let stale = v1::ImportMeshRequest { session: second.clone(), base_revision: Some(7), source: Some(tube(900)), ..Default::default() };
     assert_refused(daemon.meshes().import_mesh(stale).await, Code::Aborted, "STALE_REVISION");
-    daemon.import(&first, tube(4800)).await.expect("as much as if nobody had tried");
+    daemon.import(&first, tube(4400)).await.expect("as much as if nobody had tried");
     daemon.import(&first, tube(4000)).await.expect("fewer again");
     daemon.sessions().delete_session(v1::DeleteSessionRequest { name: first }).await.expect("deleted");
     daemon.import(&second, tube(3000)).await.expect("there is room again");
