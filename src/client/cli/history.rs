@@ -81,7 +81,7 @@ fn told(revision: u64, event: &Event) -> (String, Value) {
             (format!("{many} were missed"), json!({ "event": "lagged", "missed": lagged.missed }))
         }
         Event::SessionClosed(closed) => {
-            let why = closed.reason().as_str_name().trim_start_matches("SESSION_END_").to_lowercase();
+            let why = json::enum_name(closed.reason().as_str_name(), "SESSION_END_");
             (format!("the session is over: {why}"), json!({ "event": "closed", "reason": why }))
         }
     }

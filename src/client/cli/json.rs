@@ -12,7 +12,7 @@ fn point(point: &Option<v1::Point>) -> Value {
 }
 
 /// `SOME_PREFIX_NAME` as `name`.
-fn enum_name(name: &str, prefix: &str) -> String {
+pub(super) fn enum_name(name: &str, prefix: &str) -> String {
     name.strip_prefix(prefix).unwrap_or(name).to_ascii_lowercase()
 }
 

@@ -42,7 +42,7 @@ pub(crate) async fn verb(context: &Context, verb: &OperationVerb) -> Outcome<(Re
 }
 
 fn state_name(operation: &v1::Operation) -> String {
-    operation.state().as_str_name().trim_start_matches("OPERATION_STATE_").to_lowercase()
+    json::enum_name(operation.state().as_str_name(), "OPERATION_STATE_")
 }
 
 /// How it stands, with how far it is or why it ended.

@@ -261,14 +261,7 @@ impl Cleaner<'_, '_> {
         }
         let Some((_, g, new, places)) = best else { return false };
         places.iter().for_each(|p| self.push(*p));
-        let label = self.mesh.label[f as usize];
-        self.mesh.replace(&[f, g], &new[..2]);
-        for corners in &new[2..] {
-            let third = self.mesh.faces.len() as u32;
-            self.mesh.faces.push(*corners);
-            self.mesh.label.push(label);
-            corners.iter().for_each(|&w| self.mesh.around[w as usize].push(third));
-        }
+        self.mesh.replace(&[f, g], &new);
         true
     }
 
@@ -280,10 +273,7 @@ impl Cleaner<'_, '_> {
     }
 
     fn push(&mut self, (position, below): (Vec3, u32)) {
-        self.mesh.position.push(position);
-        self.mesh.below.push(below);
-        self.mesh.is_fixed.push(false);
-        self.mesh.around.push(Vec::new());
+        self.mesh.add_vertex(position, below, false);
         self.ideal.push(4);
     }
 

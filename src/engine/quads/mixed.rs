@@ -117,7 +117,16 @@ impl Mixed {
             && angle_between(to(before), to(after)) > MOST_PINNED
     }
 
-    /// Removes faces and adds others in their place (as many or fewer).
+    /// A vertex without faces yet; returns it.
+    pub(super) fn add_vertex(&mut self, position: Vec3, below: u32, is_fixed: bool) -> u32 {
+        self.position.push(position);
+        self.below.push(below);
+        self.is_fixed.push(is_fixed);
+        self.around.push(Vec::new());
+        self.position.len() as u32 - 1
+    }
+
+    /// Removes faces and adds others in their place; those beyond their number are new faces with the label of the first.
     pub(super) fn replace(&mut self, old: &[u32], new: &[Corners]) {
         for &f in old {
             for v in self.faces[f as usize].into_iter().filter(|&v| v != NONE) {
@@ -125,7 +134,16 @@ impl Mixed {
             }
             self.faces[f as usize] = [NONE; 4];
         }
-        for (&f, corners) in old.iter().zip(new) {
+        let label = self.label[old[0] as usize];
+        for (i, corners) in new.iter().enumerate() {
+            let f = match old.get(i) {
+                Some(&f) => f,
+                None => {
+                    self.faces.push([NONE; 4]);
+                    self.label.push(label);
+                    self.faces.len() as u32 - 1
+                }
+            };
             self.faces[f as usize] = *corners;
             for &v in corners_of(corners) {
                 self.around[v as usize].push(f);

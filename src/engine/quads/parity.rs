@@ -55,20 +55,9 @@ pub(super) fn loosen(mesh: &mut Mixed, surface: &Input<'_>, work: &Work<'_>) -> 
             continue;
         }
         let [a, b, c, _] = mesh.faces[f as usize];
-        let label = mesh.label[f as usize];
         let foot = surface.walk(middle([a, b, c].map(|v| mesh.position[v as usize])), mesh.below[a as usize]);
-        let m = mesh.position.len() as u32;
-        mesh.position.push(foot.position);
-        mesh.below.push(foot.face);
-        mesh.is_fixed.push(false);
-        mesh.around.push(Vec::new());
-        mesh.replace(&[f], &[[a, b, m, NONE]]);
-        for corners in [[b, c, m, NONE], [c, a, m, NONE]] {
-            let g = mesh.faces.len() as u32;
-            mesh.faces.push(corners);
-            mesh.label.push(label);
-            corners[..3].iter().for_each(|&v| mesh.around[v as usize].push(g));
-        }
+        let m = mesh.add_vertex(foot.position, foot.face, false);
+        mesh.replace(&[f], &[[a, b, m, NONE], [b, c, m, NONE], [c, a, m, NONE]]);
     }
     Ok(())
 }
@@ -184,22 +173,13 @@ impl Parts {
 
 /// Splits the edge of a halfedge of the mesh before all splits (a face may have been split at another edge since) and lists its halves.
 fn split(mesh: &mut Mixed, [a, b]: [u32; 2], input: &QuadInput<'_>, curves: &TriangleBvh) -> [[u32; 2]; 2] {
-    let m = mesh.position.len() as u32;
     let (position, below) = middle_on_curve(mesh, a, b, input, curves);
-    mesh.position.push(position);
-    mesh.below.push(below);
-    mesh.is_fixed.push(true);
-    mesh.around.push(Vec::new());
+    let m = mesh.add_vertex(position, below, true);
     let both: Vec<u32> = mesh.around[a as usize].iter().copied().filter(|&f| mesh.corners(f).contains(&b)).collect();
     for f in both {
         let face = mesh.faces[f as usize];
         let with_middle_for = |gone: u32| face.map(|v| if v == gone { m } else { v });
-        let (near, far) = (with_middle_for(b), with_middle_for(a));
-        mesh.replace(&[f], &[near]);
-        let g = mesh.faces.len() as u32;
-        mesh.faces.push(far);
-        mesh.label.push(mesh.label[f as usize]);
-        far[..3].iter().for_each(|&v| mesh.around[v as usize].push(g));
+        mesh.replace(&[f], &[with_middle_for(b), with_middle_for(a)]);
     }
     [[a.min(m), a.max(m)], [b.min(m), b.max(m)]]
 }

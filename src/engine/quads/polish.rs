@@ -1,7 +1,7 @@
 //! Last moves of single vertices: away from bad faces, then to where the mean shape around is best.
 
 use super::mixed::Mixed;
-use super::smooth::worst;
+use super::smooth::{move_awake, worst};
 use crate::error::Result;
 use crate::optimize::input::Input;
 use crate::vector::{Vec3, add_scaled, cross, unit};
@@ -63,42 +63,27 @@ const LOW: f64 = 0.6;
 
 /// Moves single vertices in four directions as long as the mean shape of the faces around them gets better, where poor shapes weigh most.
 pub(super) fn polish(mesh: &mut Mixed, input: &Input<'_>, work: &Work<'_>) -> Result<()> {
-    let count = mesh.position.len();
-    let mut is_awake = vec![true; count];
-    for _ in 0..POLISH {
-        let mut next = vec![false; count];
-        for v in 0..count as u32 {
-            if v.is_multiple_of(256) {
-                work.check()?;
-            }
-            let i = v as usize;
-            if !is_awake[i] || mesh.is_fixed[i] || mesh.around[i].is_empty() {
-                continue;
-            }
-            let (size, [x, y]) = plane_at(mesh, v, input);
-            let mut best = loss(mesh, v, input);
-            let before = best;
-            for step in POLISH_STEPS {
-                for (dx, dy) in [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)] {
-                    let here = (mesh.position[i], mesh.below[i]);
-                    let p = add_scaled(add_scaled(here.0, x, step * size * dx), y, step * size * dy);
-                    let foot = input.project(p, here.1, 0.5 * size);
-                    (mesh.position[i], mesh.below[i]) = (foot.position, foot.face);
-                    let after = loss(mesh, v, input);
-                    if after < best {
-                        best = after;
-                    } else {
-                        (mesh.position[i], mesh.below[i]) = here;
-                    }
+    move_awake(mesh, POLISH, work, |mesh, v| {
+        let i = v as usize;
+        let (size, [x, y]) = plane_at(mesh, v, input);
+        let mut best = loss(mesh, v, input);
+        let before = best;
+        for step in POLISH_STEPS {
+            for (dx, dy) in [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)] {
+                let here = (mesh.position[i], mesh.below[i]);
+                let p = add_scaled(add_scaled(here.0, x, step * size * dx), y, step * size * dy);
+                let foot = input.project(p, here.1, 0.5 * size);
+                (mesh.position[i], mesh.below[i]) = (foot.position, foot.face);
+                let after = loss(mesh, v, input);
+                if after < best {
+                    best = after;
+                } else {
+                    (mesh.position[i], mesh.below[i]) = here;
                 }
             }
-            if best < before - 0.01 {
-                mesh.around[i].iter().flat_map(|&f| mesh.corners(f)).for_each(|&w| next[w as usize] = true);
-            }
         }
-        is_awake = next;
-    }
-    Ok(())
+        best < before - 0.01
+    })
 }
 
 /// Wanted size at a vertex and two directions of the tangent plane.

@@ -35,8 +35,8 @@ pub(super) fn worst(mesh: &Mixed, v: u32, input: &Input<'_>) -> f64 {
     mesh.around[v as usize].iter().map(|&f| mesh.quality_of(mesh.corners(f), input)).fold(1.0, f64::min)
 }
 
-/// Moves the free vertices at most `rounds` times, only those near others that moved. Curve vertices stay bit-identical.
-pub(super) fn smooth(mesh: &mut Mixed, input: &Input<'_>, rounds: usize, work: &Work<'_>) -> Result<()> {
+/// Offers free vertices to `step` at most `rounds` times, after the first only those on faces of vertices for which it was true.
+pub(super) fn move_awake(mesh: &mut Mixed, rounds: usize, work: &Work<'_>, mut step: impl FnMut(&mut Mixed, u32) -> bool) -> Result<()> {
     let count = mesh.position.len();
     let mut is_awake = vec![true; count];
     for _ in 0..rounds {
@@ -47,25 +47,8 @@ pub(super) fn smooth(mesh: &mut Mixed, input: &Input<'_>, rounds: usize, work: &
                 work.check()?;
             }
             let i = v as usize;
-            if !is_awake[i] || mesh.is_fixed[i] || mesh.around[i].is_empty() {
-                continue;
-            }
-            let here = (mesh.position[i], mesh.below[i]);
-            let size = input.size(&input.walk(here.0, here.1));
-            let Some(goal) = wanted(mesh, v, size) else { continue };
-            let before = worst(mesh, v, input);
-            for share in [1.0, 0.4] {
-                let foot = input.project(lerp(here.0, goal, share), here.1, 0.5 * size);
-                (mesh.position[i], mesh.below[i]) = (foot.position, foot.face);
-                let after = worst(mesh, v, input);
-                if after >= before.min(GOOD) {
-                    break;
-                }
-                (mesh.position[i], mesh.below[i]) = here;
-            }
-            if distance(mesh.position[i], here.0) > STILL * size {
+            if is_awake[i] && !mesh.is_fixed[i] && !mesh.around[i].is_empty() && step(mesh, v) {
                 moved = true;
-                next[i] = true;
                 mesh.around[i].iter().flat_map(|&f| mesh.corners(f)).for_each(|&w| next[w as usize] = true);
             }
         }
@@ -75,4 +58,25 @@ pub(super) fn smooth(mesh: &mut Mixed, input: &Input<'_>, rounds: usize, work: &
         }
     }
     Ok(())
+}
+
+/// Moves the free vertices at most `rounds` times, only those near others that moved. Curve vertices stay bit-identical.
+pub(super) fn smooth(mesh: &mut Mixed, input: &Input<'_>, rounds: usize, work: &Work<'_>) -> Result<()> {
+    move_awake(mesh, rounds, work, |mesh, v| {
+        let i = v as usize;
+        let here = (mesh.position[i], mesh.below[i]);
+        let size = input.size(&input.walk(here.0, here.1));
+        let Some(goal) = wanted(mesh, v, size) else { return false };
+        let before = worst(mesh, v, input);
+        for share in [1.0, 0.4] {
+            let foot = input.project(lerp(here.0, goal, share), here.1, 0.5 * size);
+            (mesh.position[i], mesh.below[i]) = (foot.position, foot.face);
+            let after = worst(mesh, v, input);
+            if after >= before.min(GOOD) {
+                break;
+            }
+            (mesh.position[i], mesh.below[i]) = here;
+        }
+        distance(mesh.position[i], here.0) > STILL * size
+    })
 }

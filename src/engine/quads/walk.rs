@@ -8,17 +8,23 @@ use crate::planar::QuadKind;
 use crate::work::Work;
 use std::collections::VecDeque;
 
-/// Quadrangles that a triangle may walk through where triangles may stay.
-const REACH: u32 = 2;
-/// There it makes no face worse than this.
-const LEAST: f64 = 0.1;
+/// What binds a walk where triangles may stay.
+#[derive(Clone, Copy)]
+struct Bounds {
+    /// Quadrangles that it may go through.
+    reach: u32,
+    /// It makes no face worse than this.
+    least: f64,
+}
+
+const MIXED: Bounds = Bounds { reach: 2, least: 0.1 };
 
 /// Joins triangles in pairs through quadrangles, none of another region or beyond a curve: near ones only, or all, whatever the shapes
 /// on the way. Each search ends at the nearest triangle; one that finds none goes through its whole part.
 pub(super) fn join_triangles(mesh: &mut Mixed, input: &Input<'_>, kind: QuadKind, work: &Work<'_>) -> Result<()> {
-    let (reach, least) = match kind {
-        QuadKind::Mixed => (REACH, LEAST),
-        QuadKind::All => (u32::MAX, f64::NEG_INFINITY),
+    let bounds = match kind {
+        QuadKind::Mixed => Some(MIXED),
+        QuadKind::All => None,
     };
     // By face: the search that came to it, and from where.
     let mut seen: Vec<(u32, u32)> = vec![(NONE, NONE); mesh.faces.len()];
@@ -28,16 +34,16 @@ pub(super) fn join_triangles(mesh: &mut Mixed, input: &Input<'_>, kind: QuadKind
         }
         if mesh.is_face(f)
             && !mesh.is_quad(f)
-            && let Some(way) = way_to_triangle(mesh, f, reach, &mut seen, work)?
+            && let Some(way) = way_to_triangle(mesh, f, bounds, &mut seen, work)?
         {
-            walk(mesh, &way, input, least);
+            walk(mesh, &way, input, bounds);
         }
     }
     Ok(())
 }
 
 /// The faces from triangle `f` to the nearest other one, both included.
-fn way_to_triangle(mesh: &Mixed, f: u32, reach: u32, seen: &mut [(u32, u32)], work: &Work<'_>) -> Result<Option<Vec<u32>>> {
+fn way_to_triangle(mesh: &Mixed, f: u32, bounds: Option<Bounds>, seen: &mut [(u32, u32)], work: &Work<'_>) -> Result<Option<Vec<u32>>> {
     let mut popped = 0u32;
     let mut queue = VecDeque::from([(f, 0)]);
     seen[f as usize] = (f, NONE);
@@ -62,7 +68,7 @@ fn way_to_triangle(mesh: &Mixed, f: u32, reach: u32, seen: &mut [(u32, u32)], wo
                 way.reverse();
                 return Ok(Some(way));
             }
-            if steps < reach {
+            if bounds.is_none_or(|b| steps < b.reach) {
                 queue.push_back((g, steps + 1));
             }
         }
@@ -71,7 +77,7 @@ fn way_to_triangle(mesh: &Mixed, f: u32, reach: u32, seen: &mut [(u32, u32)], wo
 }
 
 /// Moves the triangle at the start of a way to its end, as far as pentagons have five corners.
-fn walk(mesh: &mut Mixed, way: &[u32], input: &Input<'_>, least: f64) {
+fn walk(mesh: &mut Mixed, way: &[u32], input: &Input<'_>, bounds: Option<Bounds>) {
     for i in 1..way.len() {
         let (f, g) = (way[i - 1], way[i]);
         let t = mesh.faces[f as usize];
@@ -82,7 +88,7 @@ fn walk(mesh: &mut Mixed, way: &[u32], input: &Input<'_>, least: f64) {
         if !mesh.is_quad(g) {
             let far = other[(j + 1) % 3];
             let new = [apex, a, far, b];
-            let is_fit = least < 0.0 || (mesh.quality_of(&new, input) >= least && !mesh.is_pinned_flat(&new));
+            let is_fit = bounds.is_none_or(|b| mesh.quality_of(&new, input) >= b.least && !mesh.is_pinned_flat(&new));
             if far != apex && is_fit {
                 mesh.replace(&[f, g], &[new]);
             }
@@ -104,7 +110,7 @@ fn walk(mesh: &mut Mixed, way: &[u32], input: &Input<'_>, least: f64) {
             ((!is_taken).then_some(worst - flat), new)
         });
         let best = if choices[1].0 > choices[0].0 { &choices[1] } else { &choices[0] };
-        if best.0.is_none_or(|worst| worst < least) {
+        if best.0.is_none_or(|worst| bounds.is_some_and(|b| worst < b.least)) {
             return;
         }
         mesh.replace(&[f, g], &best.1);

@@ -4,7 +4,7 @@ use super::partition::{check_patch, weight_of_layout};
 use super::patch_chart;
 use crate::answers::open_edit;
 use crate::convert::{charts, from_proto, to_proto};
-use crate::dispatch::{Call, Intent, Weight};
+use crate::dispatch::{Call, Intent};
 use crate::state::{Shared, Target};
 use crate::stream::{Chunks, Column, Watch};
 use remesh_engine::EngineError;
@@ -178,8 +178,7 @@ impl ChartService for ChartMaps {
         let target = call.target(&request.session, request.expected_revision)?;
         let revision = target.revision();
         let wrap = move |event| v1::ParametrizePatchesResponse { revision, event: Some(event) };
-        let planned = target.clone();
-        let weight = Weight::planned(move |shared, run| weight_of_layout(shared, run, &planned));
+        let weight = weight_of_layout(&target);
         call.watch(
             weight,
             move |progress| wrap(Event::Progress(progress)),
@@ -194,8 +193,7 @@ impl ChartService for ChartMaps {
         let mut call = Call::begin(&self.0, "ReadChartData", &request)?;
         let request = request.into_inner();
         let target = call.target(&request.session, request.expected_revision)?;
-        let planned = target.clone();
-        let weight = Weight::planned(move |shared, run| weight_of_layout(shared, run, &planned));
+        let weight = weight_of_layout(&target);
         call.bulk(weight, move |shared, run| read(shared, run, &target, &request)).await
     }
 
@@ -203,8 +201,7 @@ impl ChartService for ChartMaps {
         let mut call = Call::begin(&self.0, "GetPatchChart", &request)?;
         let request = request.into_inner();
         let target = call.target(&request.session, request.expected_revision)?;
-        let planned = target.clone();
-        let weight = Weight::planned(move |shared, run| weight_of_layout(shared, run, &planned));
+        let weight = weight_of_layout(&target);
         call.compute(weight, move |shared, run| patch_chart::get(shared, run, &target, request.patch)).await
     }
 
@@ -216,8 +213,7 @@ impl ChartService for ChartMaps {
         let request = request.into_inner();
         let open = open_edit!(call, request);
         let target = call.target_of_edit(&request.session, request.base_revision, &open)?;
-        let planned = target.clone();
-        let weight = Weight::planned(move |shared, run| weight_of_layout(shared, run, &planned));
+        let weight = weight_of_layout(&target);
         call.compute(weight, move |shared, run| patch_chart::update(shared, run, &target, request, open)).await
     }
 
@@ -229,8 +225,7 @@ impl ChartService for ChartMaps {
         let request = request.into_inner();
         let open = open_edit!(call, request);
         let target = call.target_of_edit(&request.session, request.base_revision, &open)?;
-        let planned = target.clone();
-        let weight = Weight::planned(move |shared, run| weight_of_layout(shared, run, &planned));
+        let weight = weight_of_layout(&target);
         call.compute(weight, move |shared, run| patch_chart::reset(shared, run, &target, request.patch, open)).await
     }
 
@@ -244,8 +239,7 @@ impl ChartService for ChartMaps {
         let request = request.into_inner();
         let target = call.target(&request.session, request.expected_revision)?;
         // Previews follow a hand that drags: one patch at a time does not wait for long work, unless everything is still to be done.
-        let planned = target.clone();
-        let weight = Weight::planned(move |shared, run| weight_of_layout(shared, run, &planned));
+        let weight = weight_of_layout(&target);
         call.bulk(weight, move |shared, run| patch_chart::preview(shared, run, &target, request)).await
     }
 

@@ -33,7 +33,12 @@ pub(crate) fn check_patch(layout: &Layout, patch: u32) -> EngineResult<usize> {
 }
 
 /// How dear the charts of a session are. Those of a small surface are short work even if nothing of it is there yet: somebody takes a first look.
-pub(crate) fn weight_of_layout(shared: &Shared, run: &Run<'_>, target: &Target) -> EngineResult<Intent> {
+pub(crate) fn weight_of_layout(target: &Target) -> Weight {
+    let target = target.clone();
+    Weight::planned(move |shared, run| intent_of_layout(shared, run, &target))
+}
+
+fn intent_of_layout(shared: &Shared, run: &Run<'_>, target: &Target) -> EngineResult<Intent> {
     let records = pipeline::plan_charts(&shared.engine, &target.snapshot, run)?;
     let to_run = records.iter().filter(|record| record.outcome == Outcome::Run);
     let estimated: f64 = to_run.map(|record| record.milliseconds).sum();
@@ -145,8 +150,7 @@ impl PartitionService for Partitions {
         let mut call = Call::begin(&self.0, "ReadPatchData", &request)?;
         let request = request.into_inner();
         let target = call.target(&request.session, request.expected_revision)?;
-        let planned = target.clone();
-        let weight = Weight::planned(move |shared, run| weight_of_layout(shared, run, &planned));
+        let weight = weight_of_layout(&target);
         call.bulk(weight, move |shared, run| read(shared, run, &target, &request)).await
     }
 
