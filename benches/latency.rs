@@ -256,9 +256,11 @@ async fn priority(moments: u64) {
     }
 }
 
-/// The engine called directly, in a process of its own as the daemon is: prints the milliseconds of a cold remesh, those of previews with the
-/// distortion of each face (which a preview with all columns has too), and imported vertices of patch 0.
+/// The engine called directly, in a process of its own as the daemon is: prints the milliseconds of a cold remesh, those of previews, those
+/// of previews with the distortion of each face (which a preview with all columns has too), and imported vertices of patch 0.
 fn direct(rounds: usize) {
+    // As the daemon does, see its `keep_freed_memory`.
+    drop(std::hint::black_box(Vec::<u8>::with_capacity(16 << 20)));
     let engine = Engine::new(EngineConfig::default());
     let session = engine.create_session(None, SystemTime::now()).expect("session");
     let source = match variable("REMESH_MESH") {
@@ -281,56 +283,70 @@ fn direct(rounds: usize) {
     // Those that a split made have names that may be of another patch.
     let map = &layout.patches.patches[0].2;
     let vertices: Vec<u32> = map.vertices.iter().zip(&map.named).filter(|(own, name)| own == name).map(|(own, _)| *own).collect();
-    let mut previews = Vec::new();
-    for round in 0..rounds {
+    let (mut alone, mut with_faces) = (Vec::new(), Vec::new());
+    for round in 0..2 * rounds {
         let pin = |k: usize| Pin { vertex: vertices[(k * 7919) % vertices.len()], target: None };
         let pins = Pins::Given(vec![pin(2 * round + 1), pin(2 * round + 2)]);
         let spec = ChartSpec { method: Some(ChartMethod::LeastSquaresConformal), pins, ..ChartSpec::default() };
         let begin = Instant::now();
-        let (layout, preview) = pipeline::preview_chart(&engine, &snapshot, 0, &spec, &run).expect("preview").value;
+        let (layout, preview) = pipeline::preview_chart(&engine, &snapshot, 0, |_, _| Ok(spec.clone()), &run).expect("preview").value;
+        if round % 2 == 0 {
+            alone.push(milliseconds(begin));
+            continue;
+        }
         let faces = face_distortion(&layout.patches.patches[0].0, &preview.uv);
-        previews.push(milliseconds(begin));
+        with_faces.push(milliseconds(begin));
         assert!(!faces.is_empty());
     }
     let line = |numbers: Vec<String>| println!("{}", numbers.join(" "));
     line(vec![remesh.to_string()]);
-    line(previews.iter().map(f64::to_string).collect());
+    line(alone.iter().map(f64::to_string).collect());
+    line(with_faces.iter().map(f64::to_string).collect());
     line(vertices.iter().map(u32::to_string).collect());
 }
 
 /// What [`direct`] prints in another process.
-fn in_another_process() -> (f64, Vec<f64>, Vec<u32>) {
+fn in_another_process() -> (f64, [Vec<f64>; 2], Vec<u32>) {
     let program = std::env::current_exe().expect("a program");
     let output = Command::new(program).env("REMESH_LATENCY", "direct").output().expect("runs");
     let text = String::from_utf8(output.stdout).expect("UTF-8");
     let mut lines = text.lines().map(|line| line.split_whitespace());
     let mut numbers = || lines.next().expect("a line").map(|number| number.parse::<f64>().expect("a number")).collect::<Vec<f64>>();
-    let (remesh, previews, vertices) = (numbers()[0], numbers(), numbers());
+    let (remesh, previews, vertices) = (numbers()[0], [numbers(), numbers()], numbers());
     (remesh, previews, vertices.into_iter().map(|vertex| vertex as u32).collect())
 }
 
-/// A preview of which only the header and one small column come.
-async fn header_only(client: &Client, session: &str, edit: ChartEdit) {
+/// A preview of which the new coordinates come: what a re-pin changes.
+async fn coordinates(client: &Client, session: &str, edit: ChartEdit) -> Vec<[f64; 2]> {
+    use v1::preview_patch_chart_response::Part;
     let request = v1::PreviewPatchChartRequest {
         session: session.to_owned(),
         patch: 0,
         spec: Some(edit.spec),
         update_mask: Some(prost_types::FieldMask { paths: edit.paths }),
-        columns: vec![v1::DataColumn::SourceVertex.into()],
+        columns: vec![v1::DataColumn::Uv.into()],
         ..Default::default()
     };
     let mut stream = client.charts().preview_patch_chart(request).await.expect("preview").into_inner();
-    while stream.message().await.expect("a message").is_some() {}
+    let mut uv = Vec::new();
+    while let Some(message) = stream.message().await.expect("a message") {
+        if let Some(Part::Chunk(chunk)) = message.part {
+            let number = |bytes: &[u8]| f64::from_le_bytes(bytes.try_into().expect("8 bytes"));
+            uv.extend(chunk.data.chunks_exact(16).map(|row| [number(&row[..8]), number(&row[8..])]));
+        }
+    }
+    uv
 }
 
 async fn overhead(rounds: usize) {
-    let (mut by_engine, mut by_daemon): ([Vec<f64>; 2], [Vec<f64>; 2]) = Default::default();
-    let (mut inside, mut until_header) = (Vec::new(), Vec::new());
+    let (mut by_engine, mut by_daemon): ([Vec<f64>; 3], [Vec<f64>; 3]) = Default::default();
+    let (mut inside, mut bytes) = (Vec::new(), [0; 2]);
     // In turns, so that what else the machine does meets both.
     for _ in 0..rounds.div_ceil(20).clamp(1, 20) {
-        let (remesh, previews, vertices) = tokio::task::spawn_blocking(in_another_process).await.expect("no panic");
+        let (remesh, [alone, with_faces], vertices) = tokio::task::spawn_blocking(in_another_process).await.expect("no panic");
         by_engine[0].push(remesh);
-        by_engine[1].extend(previews);
+        by_engine[1].extend(alone);
+        by_engine[2].extend(with_faces);
         let daemon = Daemon::start(&[]);
         let client = client_of(&daemon).await;
         let session = session(&client, TRIANGLES).await;
@@ -339,23 +355,25 @@ async fn overhead(rounds: usize) {
         by_daemon[0].push(milliseconds(begin));
         client.read_chart(session.name(), 0).await.expect("chart");
         for round in 0..PREVIEWS {
-            let edit = pins(&vertices, round);
-            let begin = Instant::now();
-            let shown = client.preview_chart(session.name(), 0, edit).await.expect("preview");
+            let (edit, begin) = (pins(&vertices, round), Instant::now());
+            let uv = coordinates(&client, session.name(), edit).await;
             by_daemon[1].push(milliseconds(begin));
-            inside.push(shown.chart.run.milliseconds);
             let (edit, begin) = (pins(&vertices, PREVIEWS + round), Instant::now());
-            header_only(&client, session.name(), edit).await;
-            until_header.push(milliseconds(begin));
+            let shown = client.preview_chart(session.name(), 0, edit).await.expect("preview");
+            by_daemon[2].push(milliseconds(begin));
+            inside.push(shown.chart.run.milliseconds);
+            bytes = [16 * uv.len(), (16 + 24 + 4) * uv.len() + (12 + 4 + 3 * 8 + 4) * shown.chart.triangles.len()];
         }
     }
-    for (k, what) in ["remesh", "re-pin (preview, with all columns of the chart)"].iter().enumerate() {
+    let [coordinates, all] = bytes.map(|bytes| bytes as f64 / 1e6);
+    let preview = format!("re-pin (preview, coordinates, {coordinates:.1} MB)");
+    let whole = format!("re-pin (preview, all nine columns of the chart, {all:.1} MB)");
+    for (k, what) in ["remesh", preview.as_str(), whole.as_str()].iter().enumerate() {
         let (engine, daemon) = (median(&mut by_engine[k]), median(&mut by_daemon[k]));
         let share = 100.0 * (daemon / engine - 1.0);
         println!("overhead: {what}: engine {engine:.1} ms, daemon {daemon:.1} ms, {:+.1} ms, {share:+.1} %", daemon - engine);
     }
-    let [inside, small] = [&mut inside, &mut until_header].map(|times| median(times));
-    println!("overhead: a preview with all columns computes {inside:.1} ms in the daemon; with one small column it takes {small:.1} ms");
+    println!("overhead: of a preview with all columns the daemon computes {:.1} ms", median(&mut inside));
 }
 
 fn main() {

@@ -60,7 +60,7 @@ fn all_methods(name: &str, source: MeshSource, options: ImportOptions) {
     for method in ChartMethod::ALL {
         let mut tally = Tally::default();
         for p in 0..count {
-            let (layout, preview) = pipeline::preview_chart(&engine, &snapshot, p, &ChartSpec::only(method), &run).unwrap().value;
+            let (layout, preview) = pipeline::preview_chart(&engine, &snapshot, p, |_, _| Ok(ChartSpec::only(method)), &run).unwrap().value;
             let patch = &layout.patches.patches[p as usize].0;
             let last = preview.attempts.last().unwrap();
             assert!(preview.attempts.iter().all(|a| a.method == method), "{name} {p}: replaced");

@@ -180,6 +180,8 @@ pub enum SpecOf<'a> {
 /// The chart a patch would have under another specification.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChartPreview {
+    /// The specification.
+    pub spec: ChartSpec,
     /// Positions of the last map that was tried, usable or not; empty if none could be computed.
     pub uv: Vec<Vec2>,
     /// What was tried, in order.
@@ -357,24 +359,25 @@ pub fn layout(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Ans
     Context::execute(engine, run, |context| graph::layout_step(context, snapshot))
 }
 
-/// The chart that patch `patch` would have under `spec` (vertices of the imported mesh), whatever the session says. Changes nothing;
-/// if the session takes `spec` over, its chart is a cache hit.
+/// The chart that patch `patch` would have under the spec (vertices of the imported mesh) that `propose` makes of the layout and the
+/// place of the patch in it, whatever the session says. Changes nothing; if the session takes the spec over, its chart is a cache hit.
 ///
 /// # Errors
-/// Those of [`layout`]; [`Reason::PatchNotFound`]; [`Reason::BadParameter`] for a spec that contradicts itself or the patch.
-/// A map that is not one-to-one is no error but a verdict.
+/// Those of [`layout`] and of `propose`; [`Reason::PatchNotFound`]; [`Reason::BadParameter`] for a spec that contradicts itself or the
+/// patch. A map that is not one-to-one is no error but a verdict.
 pub fn preview_chart(
     engine: &Engine,
     snapshot: &Snapshot,
     patch: u32,
-    spec: &ChartSpec,
+    propose: impl Fn(&Layout, usize) -> Result<ChartSpec>,
     run: &Run<'_>,
 ) -> Result<Answer<(Layout, ChartPreview)>> {
-    spec.validate()?;
     Context::execute(engine, run, |context| {
         let layout = graph::layout_step(context, snapshot)?;
         let p = layout.check_patch(patch)?;
-        let (outcome, tried) = graph::preview_step(context, &layout, p, spec)?;
+        let spec = propose(&layout, p)?;
+        spec.validate()?;
+        let (outcome, tried) = graph::preview_step(context, &layout, p, &spec)?;
         let verdict = match (&*outcome.value, naming::refusal(&outcome, &layout.patches, p)) {
             (_, Some(error)) => ChartVerdict::Refused(error),
             (ChartOutcome::MustSplit { reason, .. }, None) => ChartVerdict::MustSplit(reason.clone()),
@@ -387,7 +390,7 @@ pub fn preview_chart(
         };
         let attempts = tried.iter().map(|map| map.attempt.clone()).collect();
         let distortion = last.map(|map| map.distortion).unwrap_or_default();
-        Ok((layout, ChartPreview { uv, attempts, distortion, verdict }))
+        Ok((layout, ChartPreview { spec, uv, attempts, distortion, verdict }))
     })
 }
 

@@ -187,7 +187,7 @@ fn a_preview_changes_nothing_and_warms_the_cache() {
     let spec = shape(ChartMethod::Harmonic, BoundaryShape::Rectangle { ratio: None, corners: Some([0, SIDE, 624, 600]) });
     let plan = run(|run| pipeline::plan_preview(&engine, &session.snapshot(), 0, &spec, run)).unwrap();
     assert!(of_charts(&plan, Outcome::Hit).contains("factor") && of_charts(&plan, Outcome::Run).contains("boundary"));
-    let (_, preview) = run(|run| pipeline::preview_chart(&engine, &session.snapshot(), 0, &spec, run)).unwrap().value;
+    let (_, preview) = run(|run| pipeline::preview_chart(&engine, &session.snapshot(), 0, |_, _| Ok(spec.clone()), run)).unwrap().value;
     assert_eq!((preview.verdict, session.revision(), preview.uv.len()), (ChartVerdict::Usable, revision, 625));
     set(&session, &layout, 0, Some(spec));
     assert_eq!(ran(&engine, &session), BTreeSet::new());
@@ -220,7 +220,7 @@ fn a_bad_specification_is_an_error_with_places_and_can_be_mended() {
         let held = run(|run| pipeline::layout(&engine, &session.snapshot(), run)).unwrap().value;
         assert!(held.charts[0].is_err() && held.charts[1].is_ok());
     }
-    let unknown = run(|run| pipeline::preview_chart(&engine, &session.snapshot(), 99, &ChartSpec::default(), run)).unwrap_err();
+    let unknown = run(|run| pipeline::preview_chart(&engine, &session.snapshot(), 99, |_, _| Ok(ChartSpec::default()), run)).unwrap_err();
     assert_eq!(unknown.reason(), Reason::PatchNotFound);
     set(&session, &layout, 0, None);
     assert!(charts(&engine, &session).unwrap().value.charts.iter().all(|c| matches!(*c.value, ChartOutcome::Mapped(_))));
@@ -233,7 +233,7 @@ fn a_bad_specification_is_an_error_with_places_and_can_be_mended() {
     assert!(held.charts.iter().any(Result::is_err));
     let plan = run(|run| pipeline::plan_charts(&engine, &session.snapshot(), run)).unwrap();
     assert!(plan.iter().all(|r| r.outcome == Outcome::Hit), "what the patch refuses is known, and the plan says so without failing");
-    run(|run| pipeline::preview_chart(&engine, &session.snapshot(), 0, &ChartSpec::default(), run)).unwrap();
+    run(|run| pipeline::preview_chart(&engine, &session.snapshot(), 0, |_, _| Ok(ChartSpec::default()), run)).unwrap();
     let wide = session.apply(None, &[Change::Chart(boundary(inside))]).unwrap_err();
     assert_eq!(wide.reason(), Reason::BadParameter);
 }

@@ -13,7 +13,7 @@ use remesh_engine::error::Result as EngineResult;
 use remesh_engine::parametrize::ChartSpec;
 use remesh_engine::pipeline::{self, Answer, ChartVerdict, Layout, Run};
 use remesh_engine::session::{Change, Pending};
-use remesh_engine::stage::{Outcome, StageRecord};
+use remesh_engine::stage::Outcome;
 use remesh_proto::v1;
 use std::sync::Arc;
 use std::time::Instant;
@@ -97,17 +97,6 @@ pub(crate) fn reset(shared: &Shared, run: &Run<'_>, target: &Target, patch: u32,
     target.apply(Some(base), &[Change::PatchChart { patch: identity, spec: None }], open, answer)
 }
 
-/// The records of a second look: what the first one had to compute was found by the second, but did run.
-fn told_once(first: &[StageRecord], mut second: Vec<StageRecord>) -> Vec<StageRecord> {
-    for ran in first.iter().filter(|r| r.outcome == Outcome::Run) {
-        let at = second.partition_point(|r| (r.stage, r.subject) < (ran.stage, ran.subject));
-        if let Some(found) = second.get_mut(at).filter(|r| (r.stage, r.subject) == (ran.stage, ran.subject)) {
-            *found = *ran;
-        }
-    }
-    second
-}
-
 /// The chart that a patch would have, with its verdict.
 pub(crate) fn preview(
     shared: &Shared,
@@ -118,19 +107,17 @@ pub(crate) fn preview(
     use v1::preview_patch_chart_response::Part;
     let begin = Instant::now();
     let columns = columns(&request.columns)?;
-    let first = layout(shared, run, target)?;
-    let p = check_patch(&first.value, request.patch)?;
-    let spec = proposed(&first.value, target, p, request.spec, request.update_mask.as_ref())?;
-    let answer = pipeline::preview_chart(&shared.engine, &target.snapshot, request.patch, &spec, run)?;
+    let propose = |layout: &Layout, p: usize| proposed(layout, target, p, request.spec.clone(), request.update_mask.as_ref());
+    let answer = pipeline::preview_chart(&shared.engine, &target.snapshot, request.patch, propose, run)?;
     let (layout, preview) = answer.value;
-    let records = told_once(&first.records, answer.records);
+    let p = check_patch(&layout, request.patch)?;
     let map = &layout.patches.patches[p].2;
     let mut chart = charts::summary(request.patch, map, &preview.attempts, &preview.distortion);
     if preview.uv.is_empty() {
         chart.distortion = None;
     }
     if preview.attempts.is_empty() {
-        chart.method = charts::wire(&spec).method;
+        chart.method = charts::wire(&preview.spec).method;
     }
     let (verdict, error) = match &preview.verdict {
         ChartVerdict::Usable => (v1::ChartVerdict::Usable, None),
@@ -146,8 +133,8 @@ pub(crate) fn preview(
         verdict: verdict.into(),
         error,
         has_map: !preview.uv.is_empty(),
-        spec: Some(charts::wire(&spec)),
-        summary: Some(to_proto::summary(&records, milliseconds(begin))),
+        spec: Some(charts::wire(&preview.spec)),
+        summary: Some(to_proto::summary(&answer.records, milliseconds(begin))),
     };
     let data = ChartData::new(&layout, p, Coordinates::Points(Arc::new(preview.uv)), &columns);
     let revision = target.revision();
