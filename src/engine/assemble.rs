@@ -8,6 +8,7 @@ use crate::patch::PatchMap;
 use crate::planar::{LiftedPatch, VertexOrigin};
 use crate::topology::Topology;
 use crate::vector::{Vec3, lerp};
+use crate::work::Work;
 
 mod unfold;
 
@@ -77,7 +78,7 @@ impl Contents for Assembled {
 /// the same face. Such edges and faces get a vertex of their own, on the input, so that the result is always a simplicial manifold.
 ///
 /// # Errors
-/// [`Reason::Invariant`](crate::error::Reason::Invariant) if the result is not a manifold with the input's topology.
+/// [`Reason::Invariant`](crate::error::Reason::Invariant) if the result is not a manifold with the input's topology; cancellation.
 pub fn assemble(
     mesh: &SurfaceMesh,
     topology: &Topology,
@@ -86,6 +87,7 @@ pub fn assemble(
     network: &CurveNetwork,
     curve_meshes: &[std::sync::Arc<CurveMesh>],
     patches: &[(std::sync::Arc<LiftedPatch>, &PatchMap)],
+    work: &Work<'_>,
 ) -> Result<Assembled> {
     let joint = CurveVertices::new(topology, corners, locked, network, curve_meshes)?;
     let mut out = Assembled {
@@ -96,13 +98,15 @@ pub fn assemble(
         ..Assembled::default()
     };
     for (p, (lifted, map)) in patches.iter().enumerate() {
+        work.check()?;
         add_patch(mesh, &mut out, &joint.numbers, p as u32, lifted, map)?;
     }
     if out.vertex_face.contains(&NONE) {
         return Err(EngineError::invariant("a curve point is in no patch mesh"));
     }
     out.curve_edges = curve_edges(network, &joint.numbers);
-    unfold::unfold(mesh, patches, &mut out);
+    unfold::unfold(mesh, patches, &mut out, work)?;
+    work.check()?;
     check_topology(topology, &out)?;
     Ok(out)
 }

@@ -152,7 +152,7 @@ fn locked_points(curve: &Curve, vertices: &[u32], locked: &[bool]) -> Vec<bool> 
 ///
 /// # Errors
 /// [`Reason::BadParameter`](crate::error::Reason::BadParameter) for sizes that are not positive;
-/// [`Reason::LimitReached`](crate::error::Reason::LimitReached) for more than 50 million points.
+/// [`Reason::LimitReached`](crate::error::Reason::LimitReached) for more than 10 million points.
 pub fn mesh_curve(polyline: &CurvePolyline, work: &Work<'_>) -> Result<CurveMesh> {
     if polyline.locked.contains(&true) { locked::discretize(polyline, work) } else { discretize::discretize(polyline, work) }
 }

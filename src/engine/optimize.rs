@@ -142,11 +142,12 @@ pub fn optimize_surface(
         capture::capture(&mut state, work)?;
         shape_rounds(&mut state, work)?;
         chase::chase(&mut state, spec.min_kappa, work)?;
-        if capture::capture(&mut state, work)? > 0 {
+        let (captured, nearby) = capture::capture(&mut state, work)?;
+        if captured > 0 {
             chase::chase(&mut state, spec.min_kappa, work)?;
         }
-        rescue::rescue(&mut state, spec.min_kappa, Effort::Whole, work)?;
-        polish::polish(&mut state, spec.min_kappa, work)?;
+        rescue::rescue(&mut state, spec.min_kappa, Effort::Whole(&nearby), work)?;
+        polish::polish(&mut state, spec.min_kappa, &nearby, work)?;
         let fitted = match spec.fit {
             SurfaceFit::Faces => fit::fit(&mut state, spec.min_kappa, work)?,
             SurfaceFit::Vertices => Vec::new(),

@@ -83,7 +83,8 @@ impl Contents for SizeField {
     }
 }
 
-/// Most triangles a size field may ask for (about area / (sqrt(3)/4 size^2)); more is refused with [`Reason::LimitReached`].
+/// Most triangles a size field may ask for (about area / (sqrt(3)/4 size^2), or half of the elements along boundary and features); more is
+/// refused with [`Reason::LimitReached`].
 pub const MAX_EXPECTED_TRIANGLES: f64 = 2.0e7;
 
 /// Evaluates a size specification. O(F log F) with growth or distances, else O(F).
@@ -102,7 +103,9 @@ pub fn evaluate_size(input: &SizeInput<'_>, spec: &SizeSpec, work: &Work<'_>) ->
     let count = mesh.positions.len();
     let field = match spec {
         SizeSpec::Uniform { size } => SizeField::new(vec![positive("uniform.size", *size)?; count]),
-        SizeSpec::TriangleCount { triangles } => SizeField::new(vec![size_for_count("triangle_count.triangles", mesh, *triangles)?; count]),
+        SizeSpec::TriangleCount { triangles } => {
+            SizeField::new(vec![size_for_count("triangle_count.triangles", input, *triangles)?; count])
+        }
         SizeSpec::PerVertex { sizes, min_size, max_size, growth_rate } => {
             let mut field = clamped(sizes, count, *min_size, *max_size)?;
             if let Some(rate) = growth_rate {
@@ -127,16 +130,36 @@ pub fn evaluate_size(input: &SizeInput<'_>, spec: &SizeSpec, work: &Work<'_>) ->
         }
         SizeSpec::Composed(composed) => compose::composed(input, composed, work)?,
     };
-    check_count(mesh, &field.vertex_size)?;
+    check_count(expected(input, &field.vertex_size))?;
     Ok(field)
 }
 
-fn size_for_count(name: &str, mesh: &SurfaceMesh, triangles: u64) -> Result<f64> {
+/// The length at which about so many triangles are expected, see [`expected`].
+fn size_for_count(name: &str, input: &SizeInput<'_>, triangles: u64) -> Result<f64> {
     if triangles == 0 {
         return Err(EngineError::bad_parameter(name, "must be at least 1"));
     }
-    let size = (mesh.area() / triangles as f64 * 4.0 / 3f64.sqrt()).sqrt();
-    positive(name, size)
+    let by_area = (input.mesh.area() / triangles as f64 * 4.0 / 3f64.sqrt()).sqrt();
+    let unit = vec![1.0; input.mesh.positions.len()];
+    let by_curves = triangles_at_curves(input.mesh, input.topology, Some(input.features), &unit) / triangles as f64;
+    positive(name, by_area.max(by_curves))
+}
+
+/// How many triangles a field asks for at least, about: by the area, or by the curves where the surface is narrower than the elements are long.
+fn expected(input: &SizeInput<'_>, vertex_size: &[f64]) -> f64 {
+    let at_curves = triangles_at_curves(input.mesh, input.topology, Some(input.features), vertex_size);
+    expected_triangles(input.mesh, vertex_size).max(at_curves)
+}
+
+/// About how many triangles lie along boundary and feature edges: half of their sides, as strips between two curves have a triangle a side and
+/// corners may share them.
+fn triangles_at_curves(mesh: &SurfaceMesh, topology: &Topology, features: Option<&Features>, vertex_size: &[f64]) -> f64 {
+    let is_side = |h: &u32| topology.twin(*h).is_none() || features.is_some_and(|features| features.is_feature[*h as usize]);
+    let elements = |h: u32| {
+        let [a, b] = [topology.origin(h), topology.target(h)].map(|v| v as usize);
+        distance(mesh.positions[a], mesh.positions[b]) / (0.5 * (vertex_size[a] + vertex_size[b]))
+    };
+    0.5 * (0..topology.halfedge_count() as u32).filter(is_side).map(elements).sum::<f64>()
 }
 
 fn clamped(sizes: &[f64], count: usize, low: Option<f64>, high: Option<f64>) -> Result<Vec<f64>> {
@@ -181,7 +204,7 @@ pub fn with_locked(
         *size = own.unwrap_or(*size);
     }
     limit_growth(mesh, topology, &mut vertex_size, slope, work)?;
-    check_count(mesh, &vertex_size)?;
+    check_count(expected_triangles(mesh, &vertex_size).max(triangles_at_curves(mesh, topology, None, &vertex_size)))?;
     Ok(SizeField { locked, fields_scaled_by: field.fields_scaled_by, ..SizeField::new(vertex_size) })
 }
 
@@ -197,8 +220,7 @@ pub fn expected_triangles(mesh: &SurfaceMesh, vertex_size: &[f64]) -> f64 {
 }
 
 /// Refuses fields that ask for too many triangles.
-fn check_count(mesh: &SurfaceMesh, sizes: &[f64]) -> Result<()> {
-    let expected = expected_triangles(mesh, sizes);
+fn check_count(expected: f64) -> Result<()> {
     if expected <= MAX_EXPECTED_TRIANGLES {
         return Ok(());
     }

@@ -132,7 +132,7 @@ impl Stage {
     fn version(self) -> u64 {
         match self {
             Stage::Optimize => 3,
-            Stage::Partition | Stage::Interior | Stage::Quads => 2,
+            Stage::Partition | Stage::Size | Stage::Assembly | Stage::Interior | Stage::Quads => 2,
             _ => 1,
         }
     }

@@ -94,7 +94,7 @@ pub async fn serve_with_metrics(
     let shared = Shared::new(config)?;
     let metrics = metrics.map(|listener| tokio::spawn(serve_metrics(listener, shared.clone())));
     let security = shared.config.security.clone();
-    let (health, routes) = routes(&shared).await?;
+    let (health, routes) = routes(&shared, Reflection::On).await?;
     let sweeper = tokio::spawn(sweep(shared.clone()));
     let (drain, mut draining) = watch::channel(false);
     let incoming = TcpIncoming::from(listener).with_nodelay(Some(true)).with_keepalive(Some(KEEPALIVE_INTERVAL));
@@ -151,7 +151,7 @@ async fn wind_down(
 /// [`ServeError::Store`] if there is a data folder and it cannot be opened.
 pub async fn in_process(config: ServerConfig) -> Result<Channel, ServeError> {
     let shared = Shared::new(config)?;
-    let (_health, routes) = routes(&shared).await?;
+    let (_health, routes) = routes(&shared, Reflection::Off).await?;
     let (connections, accepted) = mpsc::unbounded_channel::<std::io::Result<DuplexStream>>();
     tokio::spawn(async move {
         let sweeper = tokio::spawn(sweep(shared));
@@ -237,8 +237,16 @@ impl Interceptor for Guard {
     }
 }
 
-/// All services with their message limits, reflection in both versions, and health.
-async fn routes(shared: &Arc<Shared>) -> Result<(HealthReporter, Routes), ServeError> {
+/// Whether clients may ask for the protocol.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Reflection {
+    On,
+    /// The client of this process was compiled with it; making it ready takes milliseconds.
+    Off,
+}
+
+/// All services with their message limits, health, and reflection in both versions.
+async fn routes(shared: &Arc<Shared>, offered: Reflection) -> Result<(HealthReporter, Routes), ServeError> {
     let usual = shared.config.max_message_bytes;
     // A response holds arrays of a bounded number of entries beside its chunks; a one-call message a whole file.
     let large = shared.config.max_inline_bytes.saturating_add(MESSAGE_OVERHEAD_BYTES);
@@ -267,8 +275,10 @@ async fn routes(shared: &Arc<Shared>) -> Result<(HealthReporter, Routes), ServeE
             .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
             .register_encoded_file_descriptor_set(tonic_types::pb::FILE_DESCRIPTOR_SET)
     };
-    routes.add_service(reflection().build_v1()?);
-    routes.add_service(reflection().build_v1alpha()?);
+    if offered == Reflection::On {
+        routes.add_service(reflection().build_v1()?);
+        routes.add_service(reflection().build_v1alpha()?);
+    }
     health::set_ready(&health, true).await;
     Ok((health, routes.routes()))
 }

@@ -79,7 +79,7 @@ fn joined(size: f64) -> (SurfaceMesh, Result<Assembled>) {
             (Arc::new(lift(patch, &planar, uses)), map)
         })
         .collect();
-    let out = assemble(&mesh, &topology, &[], &[], &network, &meshes, &lifted);
+    let out = assemble(&mesh, &topology, &[], &[], &network, &meshes, &lifted, &work);
     (mesh, out)
 }
 

@@ -2,54 +2,33 @@
 //! curve points get a vertex of their own.
 
 use super::{Assembled, VertexClass};
+use crate::bvh::TriangleBvh;
+use crate::error::Result;
 use crate::mesh::SurfaceMesh;
 use crate::patch::PatchMap;
 use crate::planar::LiftedPatch;
-use crate::vector::{Vec3, add_scaled, cross, distance, dot, norm, sub};
+use crate::vector::Vec3;
+use crate::work::Work;
 use std::sync::Arc;
-
-/// Closest point of a triangle.
-fn closest_on_triangle([a, b, c]: [Vec3; 3], p: Vec3) -> Vec3 {
-    let normal = cross(sub(b, a), sub(c, a));
-    let twice = norm(normal);
-    if twice > 0.0 {
-        let foot = add_scaled(p, normal, -dot(sub(p, a), normal) / (twice * twice));
-        let inside = [(a, b), (b, c), (c, a)].iter().all(|(x, y)| dot(cross(sub(*y, *x), sub(foot, *x)), normal) >= 0.0);
-        if inside {
-            return foot;
-        }
-    }
-    let on_segment = |x: Vec3, y: Vec3| {
-        let d = sub(y, x);
-        let t = (dot(sub(p, x), d) / dot(d, d).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-        add_scaled(x, d, t)
-    };
-    let candidates = [on_segment(a, b), on_segment(b, c), on_segment(c, a)];
-    candidates.into_iter().min_by(|x, y| distance(*x, p).total_cmp(&distance(*y, p))).unwrap_or(a)
-}
-
-/// Closest point of the faces of a patch and its face. O(faces of the patch); only for the rare vertices made here.
-fn closest_on_patch(mesh: &SurfaceMesh, map: &PatchMap, p: Vec3) -> (Vec3, u32) {
-    let mut best = (p, map.faces.first().copied().unwrap_or(0), f64::INFINITY);
-    for &f in &map.faces {
-        let q = closest_on_triangle(mesh.corners(f as usize), p);
-        let d = distance(p, q);
-        if d < best.2 {
-            best = (q, f, d);
-        }
-    }
-    (best.0, best.1)
-}
 
 struct Unfolder<'a> {
     mesh: &'a SurfaceMesh,
     patches: &'a [(Arc<LiftedPatch>, &'a PatchMap)],
     out: &'a mut Assembled,
+    /// Search trees over the faces of patches, made when they are first asked for.
+    trees: Vec<Option<TriangleBvh>>,
 }
 
 impl Unfolder<'_> {
+    /// A vertex at the closest point of the patch.
     fn add_vertex(&mut self, patch: u32, near: Vec3) -> u32 {
-        let (position, face) = closest_on_patch(self.mesh, self.patches[patch as usize].1, near);
+        let faces = &self.patches[patch as usize].1.faces;
+        let tree = self.trees[patch as usize].get_or_insert_with(|| {
+            let triangles: Vec<[u32; 3]> = faces.iter().map(|&f| self.mesh.triangles[f as usize]).collect();
+            TriangleBvh::build(&self.mesh.positions, &triangles)
+        });
+        let (position, face) =
+            tree.closest(near).map_or((near, faces.first().copied().unwrap_or(0)), |hit| (hit.position, faces[hit.face as usize]));
         self.out.positions.push(position);
         self.out.vertex_class.push(VertexClass::Free);
         self.out.vertex_face.push(face);
@@ -87,7 +66,8 @@ impl Unfolder<'_> {
 
     /// Edges with more than two faces: those that are inside a patch are split. Returns whether there were any. The faces split in one
     /// pass are disjoint.
-    fn split_double_edges(&mut self) -> bool {
+    fn split_double_edges(&mut self, work: &Work<'_>) -> Result<bool> {
+        work.check()?;
         let mut sides: Vec<(u32, u32, u32, u32)> = Vec::with_capacity(self.out.triangles.len() * 3);
         for (f, t) in self.out.triangles.iter().enumerate() {
             for k in 0..3 {
@@ -99,6 +79,7 @@ impl Unfolder<'_> {
         let mut busy = vec![false; self.out.triangles.len()];
         let mut any = false;
         for group in sides.chunk_by(|x, y| (x.0, x.1) == (y.0, y.1)).filter(|g| g.len() > 2) {
+            work.check()?;
             for inside in group.chunk_by(|x, y| x.2 == y.2).filter(|p| p.len() == 2) {
                 let faces = [inside[0].3, inside[1].3];
                 any = true;
@@ -109,10 +90,11 @@ impl Unfolder<'_> {
                 self.split_edge(inside[0].0, inside[0].1, &faces);
             }
         }
-        any
+        Ok(any)
     }
 
-    fn split_double_faces(&mut self) {
+    fn split_double_faces(&mut self, work: &Work<'_>) -> Result<()> {
+        work.check()?;
         let sorted = |t: [u32; 3]| {
             let mut s = t;
             s.sort_unstable();
@@ -121,19 +103,23 @@ impl Unfolder<'_> {
         let mut keys: Vec<([u32; 3], u32)> = self.out.triangles.iter().enumerate().map(|(f, t)| (sorted(*t), f as u32)).collect();
         keys.sort_unstable();
         let double: Vec<u32> = keys.chunk_by(|x, y| x.0 == y.0).filter(|g| g.len() > 1).flatten().map(|k| k.1).collect();
-        double.into_iter().for_each(|f| self.split_face(f));
+        for f in double {
+            work.check()?;
+            self.split_face(f);
+        }
+        Ok(())
     }
 }
 
 /// Most passes over the mesh; each splits at least one double edge, nearly always all.
 const PASSES: usize = 16;
 
-pub(super) fn unfold(mesh: &SurfaceMesh, patches: &[(Arc<LiftedPatch>, &PatchMap)], out: &mut Assembled) {
-    let mut unfolder = Unfolder { mesh, patches, out };
+pub(super) fn unfold(mesh: &SurfaceMesh, patches: &[(Arc<LiftedPatch>, &PatchMap)], out: &mut Assembled, work: &Work<'_>) -> Result<()> {
+    let mut unfolder = Unfolder { mesh, patches, out, trees: patches.iter().map(|_| None).collect() };
     for _ in 0..PASSES {
-        if !unfolder.split_double_edges() {
+        if !unfolder.split_double_edges(work)? {
             break;
         }
     }
-    unfolder.split_double_faces();
+    unfolder.split_double_faces(work)
 }

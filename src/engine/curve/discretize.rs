@@ -5,7 +5,7 @@ use crate::error::{EngineError, Reason, Result};
 use crate::vector::{Vec3, distance, lerp};
 use crate::work::Work;
 
-const MAX_POINTS: f64 = 5.0e7;
+const MAX_POINTS: f64 = 1.0e7;
 /// Samples per wanted edge on which the length of a seam is measured.
 const SAMPLES_PER_EDGE: f64 = 8.0;
 /// Passes of the [1 2 1] filter over those samples: a Gaussian of about 0.35 edges.

@@ -9,6 +9,7 @@ use crate::bvh::closest_on_triangle;
 use crate::error::Result;
 use crate::vector::{Vec3, area_vector_twice, distance, kappa, lerp};
 use crate::work::Work;
+use std::cell::OnceCell;
 
 /// A vertex of the input is on a crest or tip if a face at it has a lower cosine with its normal: 26 degrees.
 const SHARP: f64 = 0.9;
@@ -37,11 +38,11 @@ enum Step {
     Split(u32),
 }
 
-/// Captures, farthest first; returns how many were. Near-linear in the sharp vertices of the input.
-pub(super) fn capture(state: &mut State<'_>, work: &Work<'_>) -> Result<usize> {
+/// Captures, farthest first; returns how many were, and the faces as they were before. Near-linear in the sharp vertices of the input.
+pub(super) fn capture(state: &mut State<'_>, work: &Work<'_>) -> Result<(usize, OnceCell<Nearby>)> {
     let candidates = state.input.sharp_vertices(SHARP);
     if candidates.is_empty() {
-        return Ok(0);
+        return Ok((0, OnceCell::new()));
     }
     work.check()?;
     let nearby = Nearby::new(&state.mesh);
@@ -52,7 +53,7 @@ pub(super) fn capture(state: &mut State<'_>, work: &Work<'_>) -> Result<usize> {
         work.check()?;
         captured += usize::from(capture_one(state, &nearby, l));
     }
-    Ok(captured)
+    Ok((captured, OnceCell::from(nearby)))
 }
 
 fn find_lost(state: &State<'_>, nearby: &Nearby, candidates: &[u32], work: &Work<'_>) -> Result<Vec<Lost>> {

@@ -8,6 +8,7 @@ use crate::vector::{Vec3, add_scaled, kappa, lerp, norm};
 use crate::work::Work;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
+use std::sync::LazyLock;
 
 /// Least gain in kappa of a step.
 const GAIN: f64 = 1e-3;
@@ -15,6 +16,14 @@ const GAIN: f64 = 1e-3;
 const TRIAL_GAIN: f64 = 0.02;
 /// Edges the chase makes stay between these many sizes.
 const RATIOS: [f64; 2] = [0.4, 1.8];
+
+/// Sine and cosine of the multiples of 45 degrees.
+pub(super) static EIGHT_WAYS: LazyLock<[[f64; 2]; 8]> = LazyLock::new(|| {
+    std::array::from_fn(|k| {
+        let (sin, cos) = (k as f64 * std::f64::consts::FRAC_PI_4).sin_cos();
+        [sin, cos]
+    })
+});
 
 /// Chases all faces below `target`; returns how many steps were made. Each step raises the least kappa of the faces it replaces, so
 /// the chase ends.
@@ -158,29 +167,28 @@ fn move_vertex(state: &mut State<'_>, v: u32, gain: f64, touched: &mut Vec<u32>)
     }
     let start = state.star_kappa(v);
     let normal = state.star_normal(v);
-    let mut sag = state.sag_limit(v, normal);
     let [u, w] = tangents(normal);
     if norm(u) == 0.0 {
         return false;
     }
+    let mut sag = None;
+    let mut ring = state.ring(v);
     let mut best: Option<(f64, Foot)> = None;
     let mut level = start;
     let mut at: Vec3 = state.mesh.at(v);
     let mut step = 0.2 * state.size[v as usize];
     for _ in 0..8 {
         let mut found = None;
-        for k in 0..8 {
-            let (sin, cos) = (f64::from(k) * std::f64::consts::FRAC_PI_4).sin_cos();
+        for [sin, cos] in *EIGHT_WAYS {
             let p = add_scaled(add_scaled(at, u, step * cos), w, step * sin);
             // Off the surface it is about as good as at its foot, which is dearer to find.
-            if state.star_at(v, p, normal).is_none_or(|k| k <= level) {
+            if ring.above(p, normal, level).is_none() {
                 continue;
             }
             let foot = state.project_near(v, p);
-            if let Some(k) = state.star_at(v, foot.position, normal)
-                && k > level
+            if let Some(k) = ring.above(foot.position, normal, level)
                 && !state.input.is_on_boundary(&foot)
-                && state.keeps_limit(v, foot.position, &mut sag)
+                && state.keeps_limit(v, foot.position, sag.get_or_insert_with(|| state.sag_limit(v, normal)))
             {
                 level = k;
                 found = Some(foot);

@@ -123,8 +123,16 @@ impl<'a> Input<'a> {
     fn best_around(&self, p: Vec3, at: Foot, pivot: u32, other: Option<u32>) -> Option<Foot> {
         let mut best: Option<Foot> = None;
         let mut bound = at.distance_squared * (1.0 - 1e-12);
+        let centre = self.mesh.positions[pivot as usize];
+        let away = sub(p, centre);
         for &f in self.faces_of(pivot) {
-            if f == at.face || other.is_some_and(|v| !self.mesh.triangles[f as usize].contains(&v)) {
+            let corners = self.mesh.triangles[f as usize];
+            let is_apart = match other {
+                Some(v) => !corners.contains(&v),
+                // The corner is the closest point of a face none of whose edges leads towards the place.
+                None => corners.iter().all(|&v| v == pivot || dot(away, sub(self.mesh.positions[v as usize], centre)) <= 0.0),
+            };
+            if f == at.face || is_apart {
                 continue;
             }
             let foot = self.on_face(p, f);

@@ -5,9 +5,11 @@
 use super::reconnect::reconnect;
 use super::sag::SagLimit;
 use super::state::{SAG, State, tangents};
+use super::untangle::Nearby;
 use crate::error::Result;
 use crate::vector::{Vec3, add_scaled, area_vector_twice, distance, dot, kappa, norm};
 use crate::work::Work;
+use std::cell::OnceCell;
 
 /// Rings of edges around seams whose vertices move.
 const RINGS: u32 = 1;
@@ -29,11 +31,11 @@ const LONGEST: f64 = 0.3;
 const SHORTEST: f64 = 1e-3;
 
 /// Polishes the faces at seams. No face gets worse that is below `target` or would fall below it. One look at all faces, then linear in the
-/// faces at seams.
-pub(super) fn polish(state: &mut State<'_>, target: f64, work: &Work<'_>) -> Result<()> {
+/// faces at seams. `nearby` as for [`super::rescue::Effort::Whole`].
+pub(super) fn polish(state: &mut State<'_>, target: f64, nearby: &OnceCell<Nearby>, work: &Work<'_>) -> Result<()> {
     let zone = zone(state);
     relax(state, &zone, ROUNDS, target, work)?;
-    let moved = reconnect(state, &zone, target, work)?;
+    let moved = reconnect(state, &zone, target, nearby, work)?;
     relax(state, &moved, ROUNDS, target, work)
 }
 

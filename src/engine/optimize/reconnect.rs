@@ -7,6 +7,7 @@ use super::state::{Operation, State};
 use super::untangle::Nearby;
 use crate::error::Result;
 use crate::work::Work;
+use std::cell::OnceCell;
 
 /// Faces below this kappa are looked at.
 const POOR: f64 = 0.85;
@@ -19,7 +20,7 @@ const COLLAPSED: f64 = 1.1;
 const SPLIT: f64 = 0.9;
 
 /// Reconnects poor faces with a corner in the zone, worst first; returns the vertices around, increasing. Linear in the poor faces.
-pub(super) fn reconnect(state: &mut State<'_>, zone: &[u32], target: f64, work: &Work<'_>) -> Result<Vec<u32>> {
+pub(super) fn reconnect(state: &mut State<'_>, zone: &[u32], target: f64, nearby: &OnceCell<Nearby>, work: &Work<'_>) -> Result<Vec<u32>> {
     let mut poor: Vec<(f64, u32)> = Vec::new();
     for &v in zone.iter().filter(|&&v| state.mesh.is_vertex(v)) {
         poor.extend(state.mesh.around(v).map(|h| (state.kappa(h / 3), h / 3)).filter(|x| x.0 < POOR));
@@ -30,7 +31,7 @@ pub(super) fn reconnect(state: &mut State<'_>, zone: &[u32], target: f64, work: 
     if poor.is_empty() {
         return Ok(around);
     }
-    let nearby = Nearby::new(&state.mesh);
+    let nearby = nearby.get_or_init(|| Nearby::new(&state.mesh));
     for (_, f) in poor {
         work.check()?;
         if !state.mesh.is_face(f) || state.kappa(f) >= POOR {
@@ -40,7 +41,7 @@ pub(super) fn reconnect(state: &mut State<'_>, zone: &[u32], target: f64, work: 
         let Some(mut trial) = best_trial(&piece, target, work)? else { continue };
         let all: Vec<u32> = (0..trial.mesh.vertex_slots()).collect();
         relax(&mut trial, &all, ROUNDS[1], target, work)?;
-        let place = piece.place(state, &nearby);
+        let place = piece.place(state, nearby);
         if !piece.adds_crossings(state, &place, &trial) {
             around.extend_from_slice(&piece.vertices);
             redo(state, &piece.vertices, trial.log.unwrap_or_default());

@@ -10,6 +10,7 @@ use super::untangle::{Corners, Nearby, Place};
 use crate::assemble::{Assembled, VertexClass};
 use crate::error::Result;
 use crate::work::Work;
+use std::cell::OnceCell;
 
 /// Rings of faces around a face that a trial may change.
 const RINGS: u32 = 2;
@@ -38,21 +39,24 @@ pub(super) struct Piece<'a> {
 }
 
 /// How hard to try.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Effort {
+#[derive(Clone, Copy)]
+pub(super) enum Effort<'a> {
     /// One first step, away from what is held, whatever sheet of the surface it runs into: others look at the whole mesh later.
     Inside,
-    /// Two first steps, and none that makes faces intersect.
-    Whole,
+    /// Two first steps, and none that makes faces intersect with those nearby (of a little earlier, or found when they are needed).
+    Whole(&'a OnceCell<Nearby>),
 }
 
 /// Tries to better all faces below `target`, worst first; returns how many trials were taken over.
-pub(super) fn rescue(state: &mut State<'_>, target: f64, effort: Effort, work: &Work<'_>) -> Result<u32> {
+pub(super) fn rescue(state: &mut State<'_>, target: f64, effort: Effort<'_>, work: &Work<'_>) -> Result<u32> {
     let mut bad: Vec<(f64, u32)> = state.mesh.faces_left().map(|f| (state.kappa(f), f)).filter(|x| x.0 < target).collect();
     bad.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
     bad.truncate((state.mesh.faces_left().count() / ONE_IN).clamp(LEAST_FACES, MOST_FACES));
     work.check()?;
-    let nearby = (effort == Effort::Whole && !bad.is_empty()).then(|| Nearby::new(&state.mesh));
+    let nearby = match effort {
+        Effort::Whole(cell) if !bad.is_empty() => Some(cell.get_or_init(|| Nearby::new(&state.mesh))),
+        _ => None,
+    };
     let (mut taken, mut idle) = (0, 0);
     for (_, f) in bad {
         work.check()?;
@@ -60,11 +64,11 @@ pub(super) fn rescue(state: &mut State<'_>, target: f64, effort: Effort, work: &
             break;
         }
         let held = |state: &State<'_>| state.mesh.corners(f).iter().any(|&v| state.mesh.class[v as usize].stays());
-        if !state.mesh.is_face(f) || state.kappa(f) >= target || (effort == Effort::Inside && held(state)) {
+        if !state.mesh.is_face(f) || state.kappa(f) >= target || (matches!(effort, Effort::Inside) && held(state)) {
             continue;
         }
         let Some(piece) = Piece::around(state, f) else { continue };
-        let place = nearby.as_ref().map(|nearby| piece.place(state, nearby));
+        let place = nearby.map(|nearby| piece.place(state, nearby));
         let accept = |trial: &State<'_>| place.as_ref().is_none_or(|place| !piece.adds_crossings(state, place, trial));
         if let Some(trial) = best_trial(&piece, target, effort, accept, work)? {
             redo(state, &piece.vertices, trial.log.unwrap_or_default());
@@ -153,7 +157,7 @@ type Trial<'a> = (f64, State<'a>);
 fn best_trial<'a>(
     piece: &Piece<'a>,
     target: f64,
-    effort: Effort,
+    effort: Effort<'_>,
     accept: impl Fn(&State<'a>) -> bool,
     work: &Work<'_>,
 ) -> Result<Option<State<'a>>> {
@@ -161,7 +165,7 @@ fn best_trial<'a>(
     let mut trials = try_all(&piece.state, piece.face, target, &accept, work)?;
     trials.truncate(WIDTH);
     let mut found = trials.clone();
-    if effort == Effort::Whole && trials.first().is_none_or(|best| best.0 > 0.0) {
+    if matches!(effort, Effort::Whole(_)) && trials.first().is_none_or(|best| best.0 > 0.0) {
         for (_, trial) in &trials {
             if let Some(worst) = worst_inside(trial, target) {
                 found.extend(try_all(trial, worst, target, &accept, work)?.into_iter().take(WIDTH));

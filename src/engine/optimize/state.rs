@@ -463,17 +463,18 @@ impl<'a> State<'a> {
         let mut least = 1f64;
         for h in self.mesh.around(v) {
             let (q, r) = (self.mesh.at(self.mesh.to(h)), self.mesh.at(self.mesh.apex(h)));
-            let n = area_vector_twice(p, q, r);
-            let square = dot(n, n);
-            let along = dot(n, normal);
-            if along < 0.0 || along * along < TURN * TURN * square {
-                return None;
-            }
-            let product = distance(q, r) * distance(r, p) * distance(p, q);
-            let around = distance(q, r) + distance(r, p) + distance(p, q);
-            least = least.min(if product > 0.0 { 4.0 * square / (around * product) } else { 0.0 });
+            least = least.min(kappa_if_it_faces(p, [q, r], distance(q, r), normal)?);
         }
         Some(least)
+    }
+
+    /// The star of a vertex, to try many places.
+    pub(super) fn ring(&self, v: u32) -> Ring {
+        let edge = |h: u32| {
+            let ends = [self.mesh.at(self.mesh.to(h)), self.mesh.at(self.mesh.apex(h))];
+            (ends, distance(ends[0], ends[1]))
+        };
+        Ring { edges: self.mesh.around(v).map(edge).collect() }
     }
 
     /// Sum of the area vectors around a vertex.
@@ -486,6 +487,44 @@ impl<'a> State<'a> {
     pub(super) fn project_near(&self, v: u32, p: Vec3) -> Foot {
         self.input.project(p, self.foot[v as usize], 0.5 * self.size[v as usize])
     }
+}
+
+/// The edges opposite a vertex with their lengths; the one whose face stopped the last place that failed is the first.
+pub(super) struct Ring {
+    edges: Vec<([Vec3; 2], f64)>,
+}
+
+impl Ring {
+    /// As [`State::star_at`], but `None` also where the least kappa is not above `level`: most places fail at their first face.
+    pub(super) fn above(&mut self, p: Vec3, normal: Vec3, level: f64) -> Option<f64> {
+        let mut least = 1f64;
+        for i in 0..self.edges.len() {
+            let (ends, length) = self.edges[i];
+            match kappa_if_it_faces(p, ends, length, normal) {
+                Some(kappa) if kappa > level => least = least.min(kappa),
+                _ => {
+                    self.edges.swap(0, i);
+                    return None;
+                }
+            }
+        }
+        (least > level).then_some(least)
+    }
+}
+
+/// Kappa of the face over an edge of a length; `None` if it looks away from a unit normal.
+#[inline]
+fn kappa_if_it_faces(p: Vec3, [q, r]: [Vec3; 2], length: f64, normal: Vec3) -> Option<f64> {
+    let n = area_vector_twice(p, q, r);
+    let square = dot(n, n);
+    let along = dot(n, normal);
+    if along < 0.0 || along * along < TURN * TURN * square {
+        return None;
+    }
+    let (a, b) = (distance(r, p), distance(p, q));
+    let product = length * a * b;
+    let around = length + a + b;
+    Some(if product > 0.0 { 4.0 * square / (around * product) } else { 0.0 })
 }
 
 /// Cosine of the angle between two vectors; -1 if one is zero.

@@ -1,6 +1,7 @@
 //! Removes self-intersections, which appear where two sheets of the input are nearer than the elements are large: around each
 //! intersecting face the step (flip, move, collapse, split) is taken that leaves fewer intersecting pairs.
 
+use super::chase::EIGHT_WAYS;
 use super::fit::Fitted;
 use super::input::Foot;
 use super::kernel::Kernel;
@@ -284,8 +285,7 @@ fn shift(state: &mut State<'_>, place: &Place, v: u32, reach: Reach) -> bool {
     match reach {
         Reach::Surface => {
             for step in [0.05, 0.1, 0.2, 0.3] {
-                for k in 0..8 {
-                    let (sin, cos) = (f64::from(k) * std::f64::consts::FRAC_PI_4).sin_cos();
+                for [sin, cos] in *EIGHT_WAYS {
                     feet.push(state.project_near(v, add_scaled(add_scaled(p, u, step * size * cos), w, step * size * sin)));
                 }
             }

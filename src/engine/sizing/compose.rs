@@ -4,7 +4,7 @@ use super::check::slope;
 use super::measure::Measured;
 use super::place;
 use super::spec::{ComposedSize, CurvatureSize, RegionChoice, SizeBase, SizeFieldSpec};
-use super::{SizeField, SizeInput, expected_triangles, limit_growth, size_for_count};
+use super::{SizeField, SizeInput, expected, limit_growth, size_for_count};
 use crate::error::{EngineError, Result};
 use crate::vector::bounding_diagonal;
 use crate::work::Work;
@@ -46,15 +46,15 @@ fn fitted(
     finished: &dyn Fn(f64, f64) -> Result<Vec<f64>>,
 ) -> Result<(Vec<f64>, f64)> {
     let wanted = triangles as f64;
-    let even = size_for_count("triangles", input.mesh, triangles)?.clamp(low, high);
+    let even = size_for_count("triangles", input, triangles)?.clamp(low, high);
     let widest = high.min(bounding_diagonal(&input.mesh.positions).max(even));
     let fields = finished(1.0, high)?;
     let with_base = |base: f64| -> Vec<f64> { fields.iter().map(|h| h.min(base.clamp(low, high))).collect() };
-    if expected_triangles(input.mesh, &with_base(widest)) <= wanted * (1.0 + COUNT_TOLERANCE) {
+    if expected(input, &with_base(widest)) <= wanted * (1.0 + COUNT_TOLERANCE) {
         let (mut fine, mut coarse) = (even, widest);
         for _ in 0..BASE_STEPS {
             let middle = (fine * coarse).sqrt();
-            let count = expected_triangles(input.mesh, &with_base(middle));
+            let count = expected(input, &with_base(middle));
             if (count / wanted - 1.0).abs() < COUNT_TOLERANCE {
                 (fine, coarse) = (middle, middle);
                 break;
@@ -65,14 +65,14 @@ fn fitted(
     }
     let (mut fine, mut coarse) = (1.0, 2.0);
     let mut best = finished(coarse, widest)?;
-    while expected_triangles(input.mesh, &best) > wanted && coarse < 1e6 {
+    while expected(input, &best) > wanted && coarse < 1e6 {
         (fine, coarse) = (coarse, 2.0 * coarse);
         best = finished(coarse, widest)?;
     }
     for _ in 0..FACTOR_STEPS {
         let middle = f64::sqrt(fine * coarse);
         best = finished(middle, widest)?;
-        let count = expected_triangles(input.mesh, &best);
+        let count = expected(input, &best);
         if (count / wanted - 1.0).abs() < COUNT_TOLERANCE {
             return Ok((best, middle));
         }

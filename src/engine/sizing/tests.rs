@@ -29,6 +29,25 @@ fn uniform_and_count() {
 }
 
 #[test]
+fn curves_of_a_surface_narrower_than_its_elements_count() {
+    let positions = vec![[0.0, 0.0, 0.0], [1e9, 0.0, 0.0], [0.0, 1e-3, 0.0], [1e9, 1e-3, 0.0]];
+    let mesh = SurfaceMesh::from_parts(positions, vec![[0, 1, 2], [1, 3, 2]]);
+    let topology = Topology::build(&mesh.triangles, 4).unwrap();
+    let features = Features { is_feature: vec![false; 6], ..Features::default() };
+    let input = SizeInput { mesh: &mesh, topology: &topology, features: &features, patch_vertices: &|_| None, measured: &[] };
+    let token = CancelToken::new();
+    let evaluate = |spec: &SizeSpec| evaluate_size(&input, spec, &Work::silent(&token));
+    // Two sides of 1e9, half an element of each counted: 500 triangles are 500 elements of 2e6 a side.
+    let field = evaluate(&SizeSpec::TriangleCount { triangles: 500 }).unwrap();
+    assert!((field.vertex_size[0] / 2e6 - 1.0).abs() < 1e-9, "{}", field.vertex_size[0]);
+    let composed = ComposedSize { base: SizeBase::Triangles(500), ..ComposedSize::default() };
+    let field = evaluate(&SizeSpec::Composed(composed)).unwrap();
+    assert!((field.vertex_size[0] / 2e6 - 1.0).abs() < 0.01, "{}", field.vertex_size[0]);
+    // By the area alone one triangle were enough.
+    assert_eq!(evaluate(&SizeSpec::Uniform { size: 10.0 }).unwrap_err().reason(), Reason::LimitReached);
+}
+
+#[test]
 fn growth_follows_the_distance_law() {
     let mut sizes = vec![50.0; 82];
     sizes[0] = 0.2;

@@ -129,7 +129,8 @@ pub(super) fn assembly_step(context: &Context<'_>, charts: &Charts, sizes: &Size
             .collect();
         work.check()?;
         let (topology, corners) = (charts.ground().1, &charts.features.corners);
-        assemble(&charts.surface.imported.mesh, topology, corners, &sizes.locked, &charts.patches.network, &curve_meshes, &numbered)
+        let network = &charts.patches.network;
+        assemble(&charts.surface.imported.mesh, topology, corners, &sizes.locked, network, &curve_meshes, &numbered, work)
     })
 }
 
