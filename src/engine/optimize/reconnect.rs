@@ -2,7 +2,7 @@
 //! anew. What lowers the energy most is done on the mesh.
 
 use super::polish::{energy_of, relax};
-use super::rescue::{Piece, first_steps, redo, take};
+use super::rescue::{Piece, first_steps, most_tried, redo, take};
 use super::state::{Operation, State};
 use super::untangle::Nearby;
 use crate::error::Result;
@@ -19,7 +19,7 @@ const GAIN: f64 = 0.02;
 const COLLAPSED: f64 = 1.1;
 const SPLIT: f64 = 0.9;
 
-/// Reconnects poor faces with a corner in the zone, worst first; returns the vertices around, increasing. Linear in the poor faces.
+/// Reconnects poor faces with a corner in the zone, worst first, up to as many as [`most_tried`]; returns the vertices around, increasing.
 pub(super) fn reconnect(state: &mut State<'_>, zone: &[u32], target: f64, nearby: &OnceCell<Nearby>, work: &Work<'_>) -> Result<Vec<u32>> {
     let mut poor: Vec<(f64, u32)> = Vec::new();
     for &v in zone.iter().filter(|&&v| state.mesh.is_vertex(v)) {
@@ -27,6 +27,7 @@ pub(super) fn reconnect(state: &mut State<'_>, zone: &[u32], target: f64, nearby
     }
     poor.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
     poor.dedup();
+    poor.truncate(most_tried(state));
     let mut around = Vec::new();
     if poor.is_empty() {
         return Ok(around);

@@ -51,7 +51,7 @@ pub(super) enum Effort<'a> {
 pub(super) fn rescue(state: &mut State<'_>, target: f64, effort: Effort<'_>, work: &Work<'_>) -> Result<u32> {
     let mut bad: Vec<(f64, u32)> = state.mesh.faces_left().map(|f| (state.kappa(f), f)).filter(|x| x.0 < target).collect();
     bad.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
-    bad.truncate((state.mesh.faces_left().count() / ONE_IN).clamp(LEAST_FACES, MOST_FACES));
+    bad.truncate(most_tried(state));
     work.check()?;
     let nearby = match effort {
         Effort::Whole(cell) if !bad.is_empty() => Some(cell.get_or_init(|| Nearby::new(&state.mesh))),
@@ -78,6 +78,11 @@ pub(super) fn rescue(state: &mut State<'_>, target: f64, effort: Effort<'_>, wor
         }
     }
     Ok(taken)
+}
+
+/// Faces that trials are made for, at most.
+pub(super) fn most_tried(state: &State<'_>) -> usize {
+    (state.mesh.faces_left().count() / ONE_IN).clamp(LEAST_FACES, MOST_FACES)
 }
 
 impl<'a> Piece<'a> {
