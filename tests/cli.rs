@@ -165,6 +165,19 @@ fn a_broken_surface_is_refused_with_places() {
 }
 
 #[test]
+fn faces_that_intersect_are_diagnosed() {
+    let scratch = Scratch::new("crossing");
+    // Two tetrahedra, the tip of one inside the other.
+    let crossing = "OFF\n8 8 0\n0 0 0\n2 0 0\n0 2 0\n0 0 2\n0.4 0.4 0.4\n3 3 0.4\n0.4 3 3\n3 0.4 3\n\
+        3 0 2 1\n3 0 1 3\n3 1 2 3\n3 2 0 3\n3 4 6 5\n3 4 5 7\n3 5 6 7\n3 6 4 7\n";
+    std::fs::write(scratch.path("crossing.off"), crossing).expect("written");
+    let told = scratch.remesh(&["diagnose", "crossing.off"]).ok();
+    assert!(told.out.contains("can be remeshed") && told.out.contains("3 pairs of faces that intersect"), "{told:?}");
+    scratch.remesh(&["sample", "tube", "--triangles", "800", "-o", "t.stl"]).ok();
+    assert!(!scratch.remesh(&["diagnose", "t.stl"]).ok().out.contains("intersect"));
+}
+
+#[test]
 fn mistakes_are_told_before_the_work() {
     let scratch = Scratch::new("usage");
     scratch.remesh(&["sample", "tube", "--triangles", "800", "-o", "t.stl"]).ok();

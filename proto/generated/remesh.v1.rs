@@ -5786,7 +5786,7 @@ pub mod mesh_service_client {
                 .insert(GrpcMethod::new("remesh.v1.MeshService", "ImportMesh"));
             self.inner.unary(req, path, codec).await
         }
-        /// Tells what is wrong with the imported surface, and where.
+        /// Tells what is wrong with the imported surface, and where; also faces that intersect, which an import does not look for.
         pub async fn diagnose_mesh(
             &mut self,
             request: impl tonic::IntoRequest<super::DiagnoseMeshRequest>,
@@ -5904,7 +5904,7 @@ pub mod mesh_service_server {
             tonic::Response<super::ImportMeshResponse>,
             tonic::Status,
         >;
-        /// Tells what is wrong with the imported surface, and where.
+        /// Tells what is wrong with the imported surface, and where; also faces that intersect, which an import does not look for.
         async fn diagnose_mesh(
             &self,
             request: tonic::Request<super::DiagnoseMeshRequest>,
@@ -7330,7 +7330,7 @@ pub mod remesh_service_client {
             self
         }
         /// Remeshes the surface of a session, or only the listed patches of it. Streams progress, then the result, which stays in the
-        /// session: ExportMesh and ReadMeshData read it. FAILED_PRECONDITION if there is no mesh or size, or if the surface is broken.
+        /// session: ExportMesh and ReadMeshData read it. FAILED_PRECONDITION if there is no mesh or the surface is broken, INVALID_ARGUMENT if no size is set.
         pub async fn remesh_surface(
             &mut self,
             request: impl tonic::IntoRequest<super::RemeshSurfaceRequest>,
@@ -7429,7 +7429,7 @@ pub mod remesh_service_server {
             + std::marker::Send
             + 'static;
         /// Remeshes the surface of a session, or only the listed patches of it. Streams progress, then the result, which stays in the
-        /// session: ExportMesh and ReadMeshData read it. FAILED_PRECONDITION if there is no mesh or size, or if the surface is broken.
+        /// session: ExportMesh and ReadMeshData read it. FAILED_PRECONDITION if there is no mesh or the surface is broken, INVALID_ARGUMENT if no size is set.
         async fn remesh_surface(
             &self,
             request: tonic::Request<super::RemeshSurfaceRequest>,

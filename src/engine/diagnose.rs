@@ -4,9 +4,11 @@ pub(crate) mod edges;
 mod find;
 mod numbers;
 
+use crate::bvh::TriangleBvh;
 use crate::error::{EngineError, Location, MAX_LOCATIONS, Reason, Result};
 use crate::mesh::SurfaceMesh;
 use crate::quality::TopologyNumbers;
+use crate::quality::intersect::self_intersections;
 use crate::vector::bounds;
 use crate::work::Work;
 use edges::EdgeTable;
@@ -67,6 +69,23 @@ pub struct Diagnosis {
 }
 
 impl Defect {
+    /// Order of findings: what prevents remeshing, then what hurts it, then what is only worth knowing.
+    fn rank(self) -> u8 {
+        match self {
+            Defect::NonFinite => 0,
+            Defect::NonManifoldEdge => 1,
+            Defect::NonManifoldVertex => 2,
+            Defect::NotOrientable => 3,
+            Defect::FlippedFace => 4,
+            Defect::SelfIntersection => 5,
+            Defect::DuplicateFace => 6,
+            Defect::DegenerateFace => 7,
+            Defect::Sliver => 8,
+            Defect::Hole => 9,
+            Defect::Component => 10,
+        }
+    }
+
     /// Whether a surface with this defect cannot be remeshed.
     pub fn prevents_remeshing(self) -> bool {
         matches!(
@@ -111,6 +130,13 @@ impl Defect {
 }
 
 impl Diagnosis {
+    /// The diagnosis with one more finding, at its place.
+    pub fn with(mut self, finding: Finding) -> Diagnosis {
+        let place = self.findings.partition_point(|f| f.defect.rank() < finding.defect.rank());
+        self.findings.insert(place, finding);
+        self
+    }
+
     /// The error that refuses the surface, if some finding prevents remeshing: reason, counts, places, what to do.
     /// It is about the worst finding; the counts of the others are in its message.
     pub fn refusal(&self) -> Option<EngineError> {
@@ -136,7 +162,7 @@ impl Diagnosis {
 }
 
 /// Diagnoses any arrays that pass [`SurfaceMesh::validate`]. O(F log F).
-/// Self-intersections are not looked for here: [`crate::quality`] detects them, at a higher cost.
+/// Self-intersections are not looked for here: [`intersections`] finds them, at a higher cost.
 ///
 /// # Errors
 /// Only cancellation.
@@ -149,6 +175,19 @@ pub fn diagnose(mesh: &SurfaceMesh, work: &Work<'_>) -> Result<Diagnosis> {
     let findings = find::findings(mesh, &edges, &counted, work)?;
     let (low, high) = bounds(&mesh.positions).unwrap_or_default();
     Ok(Diagnosis { findings, topology: counted.numbers, low, high, area: mesh.area() })
+}
+
+/// The pairs of faces that intersect each other, if there are any; each is told by the lower face. `bvh` is a tree over the mesh. O(F log F) plus
+/// the pairs of faces with overlapping boxes.
+///
+/// # Errors
+/// Only cancellation.
+pub fn intersections(mesh: &SurfaceMesh, bvh: &TriangleBvh, work: &Work<'_>) -> Result<Option<Finding>> {
+    let (count, pairs) = self_intersections(mesh, bvh, MAX_LOCATIONS, work)?;
+    let location = |pair: &[u32; 2]| Location { ids: pair.to_vec(), ..mesh.face_location(pair[0] as usize) };
+    let defect = Defect::SelfIntersection;
+    let found = Finding { defect, count, locations: pairs.iter().map(location).collect(), prevents_remeshing: defect.prevents_remeshing() };
+    Ok((count > 0).then_some(found))
 }
 
 /// Topological numbers of any triangles with indices below `vertex_count`, manifold or not. Vertices that no triangle uses do

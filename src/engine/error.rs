@@ -52,8 +52,6 @@ pub enum Reason {
     NonManifoldVertex,
     /// The surface has no consistent orientation (for example a Moebius strip).
     NotOrientable,
-    /// Faces intersect each other.
-    SelfIntersection,
     /// A patch is not of genus 0 with a boundary and could not be split further.
     PatchTopology,
     /// No bijective chart exists for the patch with the requested method.
@@ -109,7 +107,6 @@ impl Reason {
             Reason::NonManifoldEdge => "NON_MANIFOLD_EDGE",
             Reason::NonManifoldVertex => "NON_MANIFOLD_VERTEX",
             Reason::NotOrientable => "NOT_ORIENTABLE",
-            Reason::SelfIntersection => "SELF_INTERSECTION",
             Reason::PatchTopology => "PATCH_TOPOLOGY",
             Reason::ChartFailed => "CHART_FAILED",
             Reason::SolverSingular => "SOLVER_SINGULAR",
@@ -146,7 +143,6 @@ impl Reason {
             Reason::NonManifoldEdge
             | Reason::NonManifoldVertex
             | Reason::NotOrientable
-            | Reason::SelfIntersection
             | Reason::PatchTopology
             | Reason::ChartFailed
             | Reason::SolverSingular

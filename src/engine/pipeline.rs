@@ -12,6 +12,7 @@ pub use patch_set::PatchSet;
 
 use crate::assemble::Assembled;
 use crate::cut::CutSurface;
+use crate::diagnose::{Defect, Diagnosis};
 use crate::engine::Engine;
 use crate::error::{EngineError, Reason, Result};
 use crate::features::Features;
@@ -297,6 +298,25 @@ impl Remesh {
 /// [`Reason::NoMesh`], those of [`import_mesh`].
 pub fn import(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Answer<Stored<Imported>>> {
     Context::execute(engine, run, |context| graph::import_step(context, snapshot))
+}
+
+/// Imports the surface of a snapshot and tells all that is wrong with it, self-intersections included, which an import does not look for.
+///
+/// # Errors
+/// Those of [`import`].
+pub fn diagnose(engine: &Engine, snapshot: &Snapshot, run: &Run<'_>) -> Result<Answer<Diagnosis>> {
+    Context::execute(engine, run, |context| {
+        let imported = graph::import_step(context, snapshot)?;
+        let diagnosis = imported.diagnosis.clone();
+        if diagnosis.finding(Defect::NonFinite).is_some() {
+            return Ok(diagnosis);
+        }
+        let crossings = graph::intersections_step(context, &imported)?;
+        Ok(match &crossings.value.output {
+            Some(finding) => diagnosis.with(finding.clone()),
+            None => diagnosis,
+        })
+    })
 }
 
 /// Imports and checks that the surface can be remeshed.

@@ -24,6 +24,20 @@ pub enum StoreError {
         /// The format that is read.
         known: &'static str,
     },
+    /// The folder holds what is not the store's.
+    #[error("{} is no data folder: it holds {entry:?}; name an empty folder, or one that was made as a data folder", path.display())]
+    Foreign {
+        /// The folder.
+        path: PathBuf,
+        /// An entry that is not the store's.
+        entry: String,
+    },
+    /// The folder was removed, moved or replaced while it was open.
+    #[error("{} is not the folder that was opened any more", path.display())]
+    Gone {
+        /// The folder.
+        path: PathBuf,
+    },
     /// There is no room: the disk is full, or the bound of the folder is reached.
     #[error("no room: {what}")]
     Full {

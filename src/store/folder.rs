@@ -3,17 +3,21 @@
 use crate::error::{Result, StoreError};
 use std::fs::{self, DirBuilder, File, OpenOptions, TryLockError};
 use std::io::Write;
-use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt, PermissionsExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 /// The format that this version writes and reads.
 const FORMAT: &str = "remeshd-store 1\n";
 
+/// What may be in a folder before it is opened: what this version makes, and what file systems put there.
+const OWN_NAMES: [&str; 7] = ["format", "lock", "records.redb", "records.new", "blobs", "incoming", "reserve"];
+const FOUND_ANYWHERE: [&str; 1] = ["lost+found"];
+
 /// A folder that this process has locked.
 #[derive(Debug)]
 pub(crate) struct Folder {
     path: PathBuf,
-    _lock: File,
+    lock: File,
 }
 
 /// Writes the entries of a folder to the disk.
@@ -33,10 +37,30 @@ pub(crate) fn private_file() -> OpenOptions {
     options
 }
 
+/// Refuses a folder that somebody else uses: one with anything in it that this version does not make, or of another format.
+fn check_own(path: &Path) -> Result<()> {
+    let told = |e| StoreError::io("read", path, e);
+    for entry in fs::read_dir(path).map_err(told)? {
+        let name = entry.map_err(told)?.file_name();
+        if !OWN_NAMES.iter().chain(&FOUND_ANYWHERE).any(|known| name == *known) {
+            return Err(StoreError::Foreign { path: path.to_owned(), entry: name.to_string_lossy().into_owned() });
+        }
+    }
+    match fs::read_to_string(path.join("format")) {
+        Ok(found) if !found.is_empty() && found != FORMAT => Err(other_format(path, &found)),
+        _ => Ok(()),
+    }
+}
+
+fn other_format(path: &Path, found: &str) -> StoreError {
+    StoreError::Format { path: path.to_owned(), found: found.trim_end().to_owned(), known: FORMAT.trim_end() }
+}
+
 impl Folder {
-    /// Makes it if need be, locks it, checks its format.
+    /// Makes it if need be, locks it, checks its format. Changes nothing in a folder that holds anything else.
     pub(crate) fn open(path: &Path) -> Result<Folder> {
         private_folder(path)?;
+        check_own(path)?;
         // One that was there may be open to others; a folder that is not ours to change is left as it is if nobody else can enter.
         let found = fs::metadata(path).map_err(|e| StoreError::io("look at", path, e))?.permissions().mode();
         if found & 0o077 != 0 {
@@ -49,7 +73,7 @@ impl Folder {
             Err(TryLockError::WouldBlock) => return Err(StoreError::Locked { path: path.to_owned() }),
             Err(TryLockError::Error(e)) => return Err(StoreError::io("lock", &lock_path, e)),
         }
-        let folder = Folder { path: path.to_owned(), _lock: lock };
+        let folder = Folder { path: path.to_owned(), lock };
         folder.check_format()?;
         private_folder(&folder.blobs())?;
         private_folder(&folder.incoming())?;
@@ -57,14 +81,23 @@ impl Folder {
         Ok(folder)
     }
 
+    /// Whether the folder is still where it was opened: what is written to one that was moved or removed is lost.
+    ///
+    /// # Errors
+    /// [`StoreError::Gone`].
+    pub(crate) fn check_present(&self) -> Result<()> {
+        let gone = || StoreError::Gone { path: self.path.clone() };
+        let there = fs::metadata(self.path.join("lock")).map_err(|_| gone())?;
+        let own = self.lock.metadata().map_err(|_| gone())?;
+        if (there.dev(), there.ino()) == (own.dev(), own.ino()) { Ok(()) } else { Err(gone()) }
+    }
+
     fn check_format(&self) -> Result<()> {
         let path = self.path.join("format");
         match fs::read_to_string(&path) {
             Ok(found) if found == FORMAT => Ok(()),
             // Empty: a crash came between the making and the writing of the file, before anything else was made.
-            Ok(found) if !found.is_empty() || self.records().exists() => {
-                Err(StoreError::Format { path: self.path.clone(), found: found.trim_end().to_owned(), known: FORMAT.trim_end() })
-            }
+            Ok(found) if !found.is_empty() || self.records().exists() => Err(other_format(&self.path, &found)),
             Ok(_) => self.write_format(&path),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound && !self.records().exists() => self.write_format(&path),
             Err(error) => Err(StoreError::io("read", &path, error)),
@@ -91,5 +124,50 @@ impl Folder {
     /// Files that are coming in.
     pub(crate) fn incoming(&self) -> PathBuf {
         self.path.join("incoming")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mode(path: &Path) -> u32 {
+        fs::metadata(path).expect("there").permissions().mode() & 0o777
+    }
+
+    #[test]
+    fn a_folder_of_somebody_else_is_left_as_it_is() {
+        for (name, contents) in [("mine.txt", "hello"), ("format", "something else 7\n")] {
+            let folder = tempfile::tempdir().expect("folder");
+            fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o755)).expect("sets");
+            fs::write(folder.path().join(name), contents).expect("writes");
+            let refused = Folder::open(folder.path()).expect_err("refused");
+            assert!(refused.to_string().contains(if name == "format" { "something else 7" } else { name }), "{refused}");
+            assert_eq!(mode(folder.path()), 0o755);
+            assert_eq!(fs::read_dir(folder.path()).expect("reads").count(), 1);
+        }
+    }
+
+    #[test]
+    fn an_empty_folder_is_taken_and_made_private() {
+        let folder = tempfile::tempdir().expect("folder");
+        fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o755)).expect("sets");
+        fs::create_dir(folder.path().join("lost+found")).expect("makes");
+        drop(Folder::open(folder.path()).expect("opens"));
+        assert_eq!(mode(folder.path()), 0o700);
+        Folder::open(folder.path()).expect("opens again");
+    }
+
+    #[test]
+    fn a_folder_that_was_removed_or_replaced_is_noticed() {
+        let outer = tempfile::tempdir().expect("folder");
+        let path = outer.path().join("data");
+        let folder = Folder::open(&path).expect("opens");
+        folder.check_present().expect("there");
+        fs::remove_dir_all(&path).expect("removes");
+        assert!(matches!(folder.check_present(), Err(StoreError::Gone { .. })));
+        let other = Folder::open(&path).expect("opens another");
+        assert!(matches!(folder.check_present(), Err(StoreError::Gone { .. })));
+        other.check_present().expect("there");
     }
 }

@@ -1,6 +1,7 @@
 //! What a daemon keeps in a folder: small records that change together, and files named by their digest. Knows nothing of what they mean.
 //!
-//! A folder has one owner at a time (a lock that ends with the process), a format version, and is for its owner's eyes only (0700).
+//! A folder has one owner at a time (a lock that ends with the process), a format version, nothing else in it, and is for its owner's eyes only
+//! (0700).
 //! [`Store::commit`] returns when a batch of records is on the disk, all of it; a crash at any moment leaves each batch whole or not there.
 //! Files come in through [`Incoming`] and get their name only when they are complete and on the disk.
 
@@ -28,7 +29,7 @@ pub struct Store {
     records: Records,
     blobs: Blobs,
     room: Arc<Room>,
-    _folder: Folder,
+    folder: Folder,
 }
 
 /// What is in a folder when it is opened.
@@ -46,22 +47,24 @@ impl Store {
     /// Opens a folder, makes it if there is none. `max_bytes` bounds what it may take on the disk. Reads all records.
     ///
     /// # Errors
-    /// [`StoreError::Locked`] if another process has it open, [`StoreError::Format`] if a later version made it, [`StoreError::Corrupt`],
-    /// [`StoreError::Io`], [`StoreError::Full`].
+    /// [`StoreError::Locked`] if another process has it open, [`StoreError::Format`] if a later version made it, [`StoreError::Foreign`] if it
+    /// holds anything else, [`StoreError::Corrupt`], [`StoreError::Io`], [`StoreError::Full`].
     pub fn open(path: &Path, max_bytes: Option<u64>) -> Result<(Store, Contents)> {
         let folder = Folder::open(path)?;
         let room = Arc::new(Room::new(path, folder.records(), max_bytes));
         let (blobs, files, leftovers) = Blobs::open(&folder, room.clone())?;
         let (records, listed) = Records::open(folder.records(), room.clone())?;
         let contents = Contents { records: listed, blobs: files, leftovers };
-        Ok((Store { records, blobs, room, _folder: folder }, contents))
+        Ok((Store { records, blobs, room, folder }, contents))
     }
 
     /// Writes and deletes records, all or none; they are on the disk when this returns. Batches of several threads share a write.
     ///
     /// # Errors
-    /// [`StoreError::Full`] if there is no room, [`StoreError::Io`]. Then nothing of the batch holds, and the next batch is tried anew.
+    /// [`StoreError::Full`] if there is no room, [`StoreError::Gone`], [`StoreError::Io`]. Then nothing of the batch holds, and the next
+    /// batch is tried anew.
     pub fn commit(&self, batch: Batch) -> Result<()> {
+        self.folder.check_present()?;
         self.records.commit(batch)
     }
 

@@ -179,7 +179,14 @@ impl Writer {
         while let Ok(first) = jobs.recv() {
             let together = std::iter::once(first).chain(std::iter::from_fn(|| jobs.try_recv().ok())).take(MOST_TOGETHER);
             let (batches, replies): (Vec<Batch>, Vec<Reply>) = together.unzip();
-            let outcome = self.commit(&batches);
+            let mut outcome = self.commit(&batches);
+            let only_deletes = batches.iter().all(|batch| batch.bytes == 0);
+            if only_deletes && matches!(outcome, Err(StoreError::Full { .. })) && self.room.let_go() {
+                outcome = self.commit(&batches);
+            }
+            if outcome.is_ok() {
+                self.room.hold();
+            }
             for reply in replies {
                 // A caller that does not wait any more needs no answer.
                 let _ = reply.send(outcome.clone());
@@ -265,6 +272,7 @@ impl Records {
             WORTH_COMPACTING.. => compacted(database),
             _ => Some(database),
         };
+        room.hold();
         let (jobs, waiting) = mpsc::channel();
         let writer = Writer { path: path.clone(), room, database, suspect: Former::new(), live };
         let spawned = std::thread::Builder::new().name("store".into()).spawn(move || writer.run(&waiting));

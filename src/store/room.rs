@@ -1,12 +1,16 @@
 //! How much room there is: below the bound of the folder, and on the disk.
 
 use crate::error::{Result, StoreError};
+use crate::folder::private_file;
+use std::io::Write;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// What is left free on the disk: the database rewrites a few pages even to delete.
 const RESERVE: u64 = 1 << 20;
+/// As much is held in a file besides, and given to a delete when others have filled the disk.
+const HELD: usize = 1 << 20;
 
 /// Room of one folder.
 #[derive(Debug)]
@@ -15,12 +19,16 @@ pub(crate) struct Room {
     records: PathBuf,
     max_bytes: Option<u64>,
     files: AtomicU64,
+    holds: AtomicBool,
 }
 
 impl Room {
     /// Of a folder whose files are not counted yet.
     pub(crate) fn new(folder: &Path, records: PathBuf, max_bytes: Option<u64>) -> Self {
-        Room { folder: folder.to_owned(), records, max_bytes, files: AtomicU64::new(0) }
+        let room = Room { folder: folder.to_owned(), records, max_bytes, files: AtomicU64::new(0), holds: AtomicBool::new(false) };
+        let held = std::fs::metadata(room.reserve()).is_ok_and(|file| file.len() == HELD as u64);
+        room.holds.store(held, Ordering::Relaxed);
+        room
     }
 
     /// Counts bytes of files.
@@ -43,6 +51,33 @@ impl Room {
         std::fs::metadata(&self.records).map_or(0, |m| 512 * m.blocks())
     }
 
+    fn reserve(&self) -> PathBuf {
+        self.folder.join("reserve")
+    }
+
+    /// Holds room for a delete on a full disk, unless it does already or the disk is nearly full. Failing is no error.
+    pub(crate) fn hold(&self) {
+        if self.holds.load(Ordering::Relaxed) || self.free().is_some_and(|free| free < 2 * RESERVE + HELD as u64) {
+            return;
+        }
+        // Zeros, as a hole would hold nothing.
+        let written = private_file().create(true).truncate(true).open(self.reserve()).and_then(|mut file| file.write_all(&vec![0; HELD]));
+        match written {
+            Ok(()) => self.holds.store(true, Ordering::Relaxed),
+            Err(_) => drop(std::fs::remove_file(self.reserve())),
+        }
+    }
+
+    /// Gives up the room that was held; tells whether there was any.
+    pub(crate) fn let_go(&self) -> bool {
+        self.holds.swap(false, Ordering::Relaxed) && std::fs::remove_file(self.reserve()).is_ok()
+    }
+
+    /// Bytes free on the disk; a disk that does not tell is asked by writing.
+    fn free(&self) -> Option<u64> {
+        rustix::fs::statvfs(&self.folder).ok().map(|disk| disk.f_bavail.saturating_mul(disk.f_frsize))
+    }
+
     /// Whether `bytes` more would fit.
     ///
     /// # Errors
@@ -57,9 +92,7 @@ impl Room {
                 return Err(StoreError::Full { what: format!("{used} bytes of at most {max} are in use, {bytes} more are asked for") });
             }
         }
-        // A disk that does not tell is asked by writing.
-        let Ok(disk) = rustix::fs::statvfs(&self.folder) else { return Ok(()) };
-        let free = disk.f_bavail.saturating_mul(disk.f_frsize);
+        let Some(free) = self.free() else { return Ok(()) };
         if free < bytes.saturating_add(RESERVE) {
             return Err(StoreError::Full {
                 what: format!("{free} bytes are free on the disk, {bytes} are asked for and {RESERVE} kept free"),

@@ -19,8 +19,8 @@ pub(crate) mod exit {
 }
 
 /// Reasons of errors that refuse the surface itself, whatever the options.
-const REFUSALS: [&str; 7] =
-    ["NON_MANIFOLD_EDGE", "NON_MANIFOLD_VERTEX", "NOT_ORIENTABLE", "SELF_INTERSECTION", "NON_FINITE", "INDEX_OUT_OF_RANGE", "EMPTY_MESH"];
+const REFUSALS: [&str; 6] =
+    ["NON_MANIFOLD_EDGE", "NON_MANIFOLD_VERTEX", "NOT_ORIENTABLE", "NON_FINITE", "INDEX_OUT_OF_RANGE", "EMPTY_MESH"];
 
 /// Exit code of work that failed for a reason.
 pub(crate) fn exit_of_reason(reason: &str) -> u8 {

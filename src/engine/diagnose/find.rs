@@ -43,22 +43,8 @@ pub(crate) fn findings(mesh: &SurfaceMesh, edges: &EdgeTable, counted: &Counted,
     all.extend(shapes(mesh));
     work.check()?;
     all.extend([duplicates(mesh), holes(mesh, counted), components(mesh, counted)]);
-    // Worst first: what prevents remeshing, then what hurts it, then what is only worth knowing.
-    let rank = |d: Defect| match d {
-        Defect::NonFinite => 0,
-        Defect::NonManifoldEdge => 1,
-        Defect::NonManifoldVertex => 2,
-        Defect::NotOrientable => 3,
-        Defect::FlippedFace => 4,
-        Defect::SelfIntersection => 5,
-        Defect::DuplicateFace => 6,
-        Defect::DegenerateFace => 7,
-        Defect::Sliver => 8,
-        Defect::Hole => 9,
-        Defect::Component => 10,
-    };
     all.retain(|p| p.count > 0);
-    all.sort_by_key(|p| rank(p.defect));
+    all.sort_by_key(|p| p.defect.rank());
     let finish =
         |p: Places| Finding { defect: p.defect, count: p.count, locations: p.locations, prevents_remeshing: p.defect.prevents_remeshing() };
     Ok(all.into_iter().map(finish).collect())

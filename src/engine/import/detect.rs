@@ -38,7 +38,7 @@ pub(crate) fn detect(bytes: &[u8]) -> Result<Format> {
     if stl::looks_ascii(bytes) {
         return Ok(Format::Stl);
     }
-    if looks_like_obj(bytes) {
+    if looks_like_obj(start) {
         return Ok(Format::Obj);
     }
     // What is left with a binary header is a binary STL that was cut off or that something follows.

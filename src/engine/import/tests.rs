@@ -173,6 +173,7 @@ fn formats_are_told_by_content() {
     assert_eq!(reason("hello world"), Reason::FormatUnsupported);
     assert_eq!(reason("<?xml version=\"1.0\"?>"), Reason::FormatUnsupported);
     assert_eq!(super::detect::detect(b"\xef\xbb\xbfply\n").unwrap(), Format::Ply);
+    assert_eq!(super::detect::detect(b"\xef\xbb\xbfv 0 0 1\nv 1 0 0\n").unwrap(), Format::Obj);
     assert_eq!(super::detect::detect(b"# x\nmtllib y\nv 0 0 0\n").unwrap(), Format::Obj);
     assert_eq!(super::detect::detect(&[0; 200]).unwrap(), Format::Stl);
 }

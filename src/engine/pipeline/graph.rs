@@ -12,8 +12,8 @@ mod sizes;
 pub(super) use charts::preview_step;
 pub(super) use lengths::{Wanted, metric_step};
 pub(super) use meshes::lifted_step;
-pub(super) use quality::{compare_step, quality_step, result_sizes};
-pub(super) use sizes::size_step;
+pub(super) use quality::{compare_step, intersections_step, quality_step, result_sizes};
+pub(super) use sizes::{check_size_is_set, size_step};
 
 use super::context::{Context, Step};
 use super::kept::Kept;
@@ -233,6 +233,7 @@ fn mapped_step(
 }
 
 pub(super) fn remesh_step(context: &Context<'_>, snapshot: &Snapshot) -> Step<Remesh> {
+    check_size_is_set(snapshot)?;
     let quads = snapshot.mesher.quads();
     let whole = [Stage::Assembly, Stage::Optimize, Stage::Quads];
     let below_charts = &whole[..if quads.is_some() { 3 } else { 2 }];

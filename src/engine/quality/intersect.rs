@@ -14,19 +14,25 @@ use robust::{Coord, Coord3D, orient2d, orient3d};
 /// Cancellation.
 pub fn self_intersections(mesh: &SurfaceMesh, bvh: &TriangleBvh, keep: usize, work: &Work<'_>) -> Result<(u64, Vec<[u32; 2]>)> {
     let mut pairs = Vec::new();
-    let mut visited = 0u64;
+    let (mut visited, mut count) = (0u64, 0u64);
+    let most = keep.saturating_mul(2).max(4096);
     bvh.overlapping_pairs(|f, g| -> Result<()> {
         visited += 1;
         if visited.is_multiple_of(8192) {
             work.check()?;
         }
         if faces_intersect(&mesh.corners(f as usize), &mesh.corners(g as usize)) {
+            count += 1;
             pairs.push([f.min(g), f.max(g)]);
+            // A soup has more pairs than memory.
+            if pairs.len() > most {
+                pairs.sort_unstable();
+                pairs.truncate(keep);
+            }
         }
         Ok::<(), EngineError>(())
     })?;
     pairs.sort_unstable();
-    let count = pairs.len() as u64;
     pairs.truncate(keep);
     Ok((count, pairs))
 }

@@ -265,10 +265,10 @@ fn read(
 
 fn diagnose(shared: &Shared, run: &Run<'_>, target: &Target) -> EngineResult<v1::DiagnoseMeshResponse> {
     let begin = Instant::now();
-    let answer = pipeline::import(&shared.engine, &target.snapshot, run)?;
+    let answer = pipeline::diagnose(&shared.engine, &target.snapshot, run)?;
     Ok(v1::DiagnoseMeshResponse {
         revision: target.revision(),
-        diagnosis: Some(to_proto::diagnosis(&answer.value.diagnosis)),
+        diagnosis: Some(to_proto::diagnosis(&answer.value)),
         summary: Some(to_proto::summary(&answer.records, milliseconds(begin))),
     })
 }

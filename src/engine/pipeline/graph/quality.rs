@@ -2,10 +2,12 @@
 
 use super::{import_source_step, search_tree_step};
 use crate::bvh::{TriangleBvh, closest_on_triangle};
+use crate::diagnose::{Finding, intersections};
 use crate::error::{EngineError, Result};
-use crate::import::ImportOptions;
+use crate::import::{ImportOptions, Imported};
 use crate::metric::SurfaceMetric;
 use crate::pipeline::context::{Context, Step};
+use crate::pipeline::kept::Kept;
 use crate::pipeline::{Remesh, Surface};
 use crate::quality::seams::{Patched, SeamQuality, measure_seams};
 use crate::quality::{MeasuredMesh, QualityReport, QualityScope, TargetSize, measure_quality};
@@ -44,6 +46,19 @@ pub(in crate::pipeline) fn quality_step(context: &Context<'_>, remesh: &Remesh, 
         let report = measure_quality(&surface.imported.mesh, &tree.value.output, measured, Some(&size), scope, work)?;
         // Halves of quadrangles tell nothing of seams.
         Ok(QualityReport { seams: (remesh.result.quads == 0).then_some(seams), ..report })
+    })
+}
+
+/// The self-intersections of the imported surface.
+pub(in crate::pipeline) fn intersections_step(context: &Context<'_>, imported: &Stored<Imported>) -> Step<Stored<Kept<Option<Finding>>>> {
+    let tree = search_tree_step(context, imported)?;
+    let key = StageKey::new(Stage::Quality, |f| {
+        f.text("intersections").fingerprint(imported.output);
+    });
+    context.stage(key, Subject::Surface, |work| {
+        let found = intersections(&imported.mesh, &tree.value.output, work)?;
+        let places = found.as_ref().map_or(0, |finding| finding.locations.len());
+        Ok(Kept { bytes: 64 + places * 128, output: found, of: imported.output })
     })
 }
 

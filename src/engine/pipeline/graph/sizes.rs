@@ -8,11 +8,18 @@ use crate::session::Snapshot;
 use crate::sizing::{MeasureSpec, Measured, SizeField, SizeInput, SizeSpec, evaluate_size, measure, with_locked};
 use crate::stage::{Stage, StageKey, Stored, Subject};
 
+fn no_size() -> EngineError {
+    EngineError::bad_parameter("size", "no size is set")
+        .with_hint("set a uniform size, a triangle count, per-vertex sizes or a graded field")
+}
+
+/// Refuses a session with a mesh and no size before anything is computed.
+pub(in crate::pipeline) fn check_size_is_set(snapshot: &Snapshot) -> Step<()> {
+    if snapshot.source.is_some() && snapshot.size.is_none() { Err(no_size().into()) } else { Ok(()) }
+}
+
 pub(in crate::pipeline) fn size_step(context: &Context<'_>, snapshot: &Snapshot, charts: &Charts) -> Step<Stored<SizeField>> {
-    let spec = snapshot.size.as_ref().ok_or_else(|| {
-        EngineError::bad_parameter("size", "no size is set")
-            .with_hint("set a uniform size, a triangle count, per-vertex sizes or a graded field")
-    })?;
+    let spec = snapshot.size.as_ref().ok_or_else(no_size)?;
     spec.validate()?;
     let patches = &charts.patches;
     let imported = charts.surface.imported.mesh.positions.len();
