@@ -26,6 +26,7 @@ mod state;
 mod status;
 mod stream;
 mod trace_context;
+mod undecoded;
 
 pub use config::{Clock, Keeping, ServerConfig};
 pub use remesh_store::StoreError;

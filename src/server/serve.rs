@@ -15,6 +15,7 @@ use crate::service::remesh::Remeshes;
 use crate::service::session::Sessions;
 use crate::state::Shared;
 use crate::status::status_of;
+use crate::undecoded::Undecoded;
 use hyper_util::rt::TokioIo;
 use remesh_proto::FILE_DESCRIPTOR_SET;
 use remesh_proto::v1::capability_service_server::CapabilityServiceServer;
@@ -257,8 +258,7 @@ async fn routes(shared: &Arc<Shared>, offered: Reflection) -> Result<(HealthRepo
         ($server:ident, $service:expr, $limit:expr) => {{
             let service = $server::new($service).max_decoding_message_size($limit).max_encoding_message_size($limit);
             // Health and reflection are open to all: they tell nothing of sessions.
-            let service = InterceptedService::new(service, Guard(shared.clone()));
-            routes.add_service(service);
+            routes.add_service(InterceptedService::new(Undecoded(service), Guard(shared.clone())));
         }};
     }
     add!(CapabilityServiceServer, Capabilities(shared.clone()), usual);

@@ -3,8 +3,27 @@
 use crate::harness::{Daemon, assert_refused, locations, size_of_count, tube};
 use remesh_proto::v1;
 use remesh_proto::v1::import_mesh_request::Source;
-use tonic::Code;
+use tonic::codegen::http::uri::PathAndQuery;
+use tonic::{Code, Request};
 use tonic_types::StatusExt;
+
+/// The request of `GetSession` with bytes in place of its text.
+#[derive(Clone, PartialEq, prost::Message)]
+struct NoText {
+    #[prost(bytes = "vec", tag = "1")]
+    name: Vec<u8>,
+}
+
+#[tokio::test]
+async fn bytes_that_are_no_message_are_refused_with_a_reason() {
+    let daemon = Daemon::usual().await;
+    let mut client = tonic::client::Grpc::new(daemon.channel.clone());
+    client.ready().await.expect("ready");
+    let codec = tonic_prost::ProstCodec::<NoText, v1::GetSessionResponse>::default();
+    let method = PathAndQuery::from_static("/remesh.v1.SessionService/GetSession");
+    let refused = client.unary(Request::new(NoText { name: vec![0xff] }), method, codec).await;
+    assert_refused(refused, Code::InvalidArgument, "BAD_PARAMETER");
+}
 
 #[tokio::test]
 async fn stale_revisions_are_aborted() {
