@@ -504,8 +504,7 @@ impl DataColumn {
 /// Request of GetCapabilities.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct GetCapabilitiesRequest {}
-/// The limits of a daemon. A request beyond one of them is refused with RESOURCE_EXHAUSTED, a message that is too large with
-/// OUT_OF_RANGE.
+/// The limits of a daemon. A request beyond one of them is refused with RESOURCE_EXHAUSTED.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct Limits {
     /// Largest message of most methods.
