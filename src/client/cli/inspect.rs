@@ -21,8 +21,9 @@ pub(crate) async fn diagnose(context: &Context, args: &DiagnoseArgs) -> Outcome<
     }
     let Some(file) = &args.file else { return Err(Failure::Usage("which file?".into())) };
     let session = context.temporary_session(&format!("remesh diagnose {}", files::short_name(file))).await?;
-    let imported = context.import_file(&session, file, &args.import).await?;
-    let diagnosis = imported.diagnosis.clone().unwrap_or_default();
+    let mut imported = context.import_file(&session, file, &args.import).await?;
+    let diagnosis = context.client.diagnose(&session).await?.diagnosis.unwrap_or_default();
+    imported.diagnosis = Some(diagnosis.clone());
     let report = Report { text: imported_text(file, &imported, args.places), json: imported_json(&imported) };
     Ok((report, diagnosis.remeshable))
 }
