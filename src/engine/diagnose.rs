@@ -177,8 +177,8 @@ pub fn diagnose(mesh: &SurfaceMesh, work: &Work<'_>) -> Result<Diagnosis> {
     Ok(Diagnosis { findings, topology: counted.numbers, low, high, area: mesh.area() })
 }
 
-/// The pairs of faces that intersect each other, if there are any; each is told by the lower face. `bvh` is a tree over the mesh. O(F log F) plus
-/// the pairs of faces with overlapping boxes.
+/// The pairs of faces that intersect each other, if there are any, each at the middle of its lower face. `bvh` is a tree over the mesh.
+/// O(F log F) plus the pairs of faces with overlapping boxes.
 ///
 /// # Errors
 /// Only cancellation.

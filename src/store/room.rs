@@ -101,3 +101,21 @@ impl Room {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn room_is_held_over_a_restart_and_given_once() {
+        let folder = tempfile::tempdir().expect("folder");
+        let open = || Room::new(folder.path(), folder.path().join("records.redb"), None);
+        let room = open();
+        assert!(!room.let_go(), "nothing is held yet");
+        room.hold();
+        assert_eq!(std::fs::metadata(room.reserve()).expect("there").len(), HELD as u64);
+        let again = open();
+        assert!(again.let_go() && !again.let_go());
+        assert!(!again.reserve().exists());
+    }
+}
